@@ -1,5 +1,6 @@
 """Installing versions of rarms on a robot: this machine, whose places lie in a folder that root owns."""
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -10,18 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app import install
+from rarms_iac.app import install, install_wheels
 from rarms_iac.app.install import _Done, _RobotSetup
 from rarms_iac.app.install_there import RobotPlaces
-from rarms_iac.app.install_wheels import Wheel
+from rarms_iac.app.install_wheels import LOCK, RobotPython, Wheel, build_name, pins_for, wheels_for
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.lock import hold
-from rarms_iac.storage.shipped import shipped_module
+from rarms_iac.storage.shipped import shipped_module, shipped_text
 from tests.effort import Attempt, every_few, tried
 from tests.robot_wheels import wheels_of
-
-pytestmark = pytest.mark.needs("linux", "root")
 
 KILLED = 137
 KILL = """\
@@ -85,6 +85,7 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
         yield Robot(places, _RobotSetup("onboard", ProgramChannel(host="onboard", target="it", words=("sh", "-c"))))
 
 
+@pytest.mark.needs("linux", "root")
 def test_a_newer_version_keeps_the_one_before(robot: Robot) -> None:
     for version in ("1.0", "2.0"):
         robot.install(version)
@@ -96,6 +97,7 @@ def test_a_newer_version_keeps_the_one_before(robot: Robot) -> None:
     assert sorted(path.name for path in robot.places.builds.iterdir()) == ["2.0-1", "3.0-1"]
 
 
+@pytest.mark.needs("linux", "root")
 def test_the_version_that_began_a_run_finishes_it(robot: Robot) -> None:
     robot.install("1.0")
     journal = robot.begin("1.0")
@@ -107,6 +109,7 @@ def test_the_version_that_began_a_run_finishes_it(robot: Robot) -> None:
     assert done.still_open == ()
 
 
+@pytest.mark.needs("linux", "root")
 def test_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     robot.install("1.0")
     robot.begin("1.0", plan="stuck")
@@ -123,6 +126,7 @@ def test_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     )
 
 
+@pytest.mark.needs("linux", "root")
 def test_kill_at_any_effect_leaves_version_that_works(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.install("1.0")
     saved = robot.versions.with_name("saved")
@@ -157,6 +161,7 @@ def test_kill_at_any_effect_leaves_version_that_works(robot: Robot, monkeypatch:
         assert {path.name for path in robot.places.builds.iterdir()} == {"1.0-1", "2.0-1"}
 
 
+@pytest.mark.needs("linux", "root")
 def test_wheels_that_changed_on_the_way_are_refused(robot: Robot) -> None:
     robot.install("1.0")
     pip, rarms = wheels_of("2.0", robot.places.state)
@@ -170,6 +175,7 @@ def test_wheels_that_changed_on_the_way_are_refused(robot: Robot) -> None:
     assert not robot.places.wheels.exists()
 
 
+@pytest.mark.needs("linux", "root")
 def test_a_full_disk_changes_nothing(robot: Robot) -> None:
     robot.install("1.0")
 
@@ -182,6 +188,7 @@ def test_a_full_disk_changes_nothing(robot: Robot) -> None:
     assert robot.works() == "2.0", "the command that was recommended"
 
 
+@pytest.mark.needs("linux", "root")
 def test_host_that_run_holds_is_left_alone(robot: Robot) -> None:
     lock = robot.begin("1.0").with_name("lock")
     lock.write_text("robot@cell, process 7")
@@ -192,6 +199,7 @@ def test_host_that_run_holds_is_left_alone(robot: Robot) -> None:
     assert not (robot.versions / "current").exists()
 
 
+@pytest.mark.needs("linux", "root")
 def test_a_folder_that_others_can_write_is_refused(robot: Robot) -> None:
     robot.install("1.0")
     robot.versions.chmod(0o775)
@@ -202,6 +210,7 @@ def test_a_folder_that_others_can_write_is_refused(robot: Robot) -> None:
     assert f"{robot.versions} can be changed by users other than root" in refused.value.message
 
 
+@pytest.mark.needs("linux", "root")
 def test_nothing_is_removed_below_run_or_partition(robot: Robot) -> None:
     robot.install("1.0")
     journal = robot.begin("1.0")
@@ -218,3 +227,64 @@ def test_nothing_is_removed_below_run_or_partition(robot: Robot) -> None:
     assert robot.remove().removed == ("1.0",)
     assert not robot.versions.exists()
     assert robot.remove().removed == ()
+
+
+JETSON = RobotPython(version="3.12.3", machine="aarch64", glibc=(2, 39))
+DEBIAN = RobotPython(version="3.11.2", machine="x86_64", glibc=(2, 36))
+
+
+def name_of(robot: RobotPython, platform: str) -> str:
+    python = f"cp{robot.short_version.replace('.', '')}"
+    return f"solver-1.0-{python}-{python}-{platform}_{robot.machine}.whl"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Wheels of one package for two robots, old and new; the lock has all of them."""
+    digests = []
+    for robot in (JETSON, DEBIAN):
+        for platform in ("manylinux2014", "manylinux_2_28", "manylinux_2_99"):
+            content = f"{robot.machine} {platform}".encode()
+            (tmp_path / name_of(robot, platform)).write_bytes(content)
+            digests.append(hashlib.sha256(content).hexdigest())
+    hashes = "".join(f" --hash=sha256:{digest}" for digest in digests)
+    lock = f"solver==1.0 ; python_full_version >= '3.11'{hashes}\nold==2.0 ; python_full_version < '3.11'{hashes}\n"
+    monkeypatch.setattr(install_wheels, "shipped_text", lambda _path: lock)
+    return tmp_path
+
+
+@pytest.mark.parametrize("robot", [JETSON, DEBIAN], ids=["aarch64", "x86_64"])
+def test_newest_wheel_that_runs_on_robot_is_taken(robot: RobotPython, folder: Path) -> None:
+    own, solver = wheels_for(robot, folder)
+
+    assert own.name.startswith("rarms_iac-")
+    assert (solver.name, solver.content) == (
+        name_of(robot, "manylinux_2_28"),
+        f"{robot.machine} manylinux_2_28".encode(),
+    )
+
+
+def test_wheel_without_hash_of_lock_is_refused(folder: Path) -> None:
+    damaged = folder / name_of(JETSON, "manylinux_2_28")
+    damaged.write_bytes(b"replaced")
+
+    with pytest.raises(UseCaseError) as refused:
+        wheels_for(JETSON, folder)
+
+    (finding,) = refused.value.findings
+    assert finding.code == "RARMS415"
+    assert f"{damaged} does not have a SHA-256 of {LOCK}" in finding.detail
+
+
+def test_lock_has_one_version_of_each_package() -> None:
+    lock = shipped_text(LOCK)
+    for version in ("3.11.2", "3.12.3", "3.13.0", "3.14.0"):
+        names = [pin.name for pin in pins_for(lock, RobotPython(version=version, machine="aarch64", glibc=(2, 36)))]
+        assert len(names) == len(set(names)), version
+        assert {"pip", "numpy", "highspy", "pydantic", "pyyaml"} <= set(names)
+        assert "hatchling" not in names
+
+
+def test_builds_of_different_robots_have_different_names() -> None:
+    assert build_name(JETSON) == build_name(JETSON)
+    assert build_name(JETSON) != build_name(DEBIAN)

@@ -537,8 +537,8 @@ OTHER_TESTS = {
     "Have `rarms show --transport --out FOLDER`": "tests/system/test_remote_host.py",  # another module there
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
-    "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
-    "Say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
+    "Run the script there by hand and look": "tests/unit/cli/test_plan.py",
+    "Say how the host is reached": "tests/unit/cli/test_plan.py",
     "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/fake_powershell/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
@@ -555,7 +555,7 @@ OTHER_TESTS = {
     "Next: `rarms doctor`": "tests/system/test_robot.py",
     "Install this version there: ": "tests/system/test_install.py",
     "Name one of them: ": "tests/system/test_robot_measures.py",
-    "If the host is reached over ssh, run ": "tests/unit/cli/test_other_version.py",
+    "If the host is reached over ssh, run ": "tests/unit/cli/test_every_command.py",
     # On Linux, or at another moment, what a situation says:
     "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",

@@ -1,7 +1,9 @@
 """The loop of measuring, on a host whose answers are known by hand: 40 ms of work at 50 % take 80 ms."""
 
+import json
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,21 +11,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.strategies import SettingCount, Sweep, goal_of
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment, experiment_of
-from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
+from rarms_iac.model.outcomes import (
+    Measure,
+    Missed,
+    NotAchievable,
+    NotResolved,
+    SettingFailed,
+    Stopped,
+    Sufficient,
+    Unsteady,
+)
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Threshold
-from rarms_iac.providers.simulated.measuring import SimulatedRun
+from rarms_iac.providers.simulated.measuring import Simulate, SimulatedRun
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
 from tests.effort import examples
 from tests.fluid import fluid
+from tests.measuring import rewrite_log
+from tests.unit.cli.running import rarms
 from tests.unit.measuring.bench import Bench
 
 SYSTEM = a_system(
@@ -280,3 +298,211 @@ def test_log_gives_the_same_decisions(bench: Bench) -> None:
     replayed = bench.search().decide(bench.book.known.settings)
 
     assert replayed == ended.conclusion
+
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 4, memory: 4 GiB }
+components:
+  eyes:
+    criticality: 3
+    apt: { mean_response_time: { at_most: 50 ms } }
+    interference: busy-loop
+    run: { command: [eyes], until: { samples: 40 } }
+    memory: 256 MiB
+    simulation: { work: 20 ms, threads: THREADS }
+"""
+LOG = Path("measurements/onboard/eyes/busy-loop.jsonl")
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    path = tmp_path / "rarms.yaml"
+    path.write_text(MANIFEST.replace("THREADS", "1"), encoding="utf-8", newline="\n")
+    return path
+
+
+def recorded() -> list[tuple[int, int | None]]:
+    """Of each setting of the log its virtual processors, and how many were used at once."""
+    lines = [json.loads(line) for line in LOG.read_text(encoding="utf-8").splitlines()]
+    return [(line["processors"], line.get("used_processors")) for line in lines if "series" in line]
+
+
+@pytest.mark.parametrize(("threads", "used"), [(1, 1), (2, 2), (6, 4)])
+def test_first_setting_shows_used_processors(threads: int, used: int, manifest: Path) -> None:
+    manifest.write_text(MANIFEST.replace("THREADS", str(threads)), encoding="utf-8", newline="\n")
+    with chdir(manifest.parent):
+        measured = json.loads(rarms("measure", "--json").out)["experiments"][0]
+        settings = recorded()
+        again = json.loads(rarms("measure", "--json").out)["experiments"][0]
+        while again["new"]:  # the first run ended at as many settings as there may be, and the same command goes on
+            again = json.loads(rarms("measure", "--json").out)["experiments"][0]
+        planned = json.loads(rarms("plan", "--json").out)
+
+    assert settings[0] == (4, used)
+    assert {processors for processors, _ in settings[1:]} == {used}
+    assert (measured["processors"], measured["processors_from"]) == (used, "used")
+    assert again["processors"] == used
+    assert again["reserve"] <= measured["reserve"]
+    assert f'"processors": {used}' in json.dumps(planned)
+
+
+def test_fixed_processors_stay_and_are_noted(manifest: Path) -> None:
+    fixed = manifest.read_text(encoding="utf-8").replace("    memory", "    processors: 2\n    memory")
+    with chdir(manifest.parent):
+        manifest.write_text(fixed, encoding="utf-8", newline="\n")
+        ran = rarms("measure")
+        settings = recorded()
+        manifest.write_text(MANIFEST.replace("THREADS", "1"), encoding="utf-8", newline="\n")
+        left_open = json.loads(rarms("measure", "--json").out)["experiments"][0]
+
+    assert "RARMS380" in ran.err
+    assert set(settings) == {(2, 1)}
+    assert left_open["processors"] == 1
+
+
+def test_papers_strategy_keeps_the_hosts_number(manifest: Path) -> None:
+    with chdir(manifest.parent):
+        measured = json.loads(rarms("measure", "--strategy", "paper", "--json").out)["experiments"][0]
+        settings = recorded()
+        planned = rarms("explain", "eyes").out
+
+    assert (measured["processors"], measured["processors_from"]) == (4, "host")
+    assert set(settings) == {(4, None)}
+    assert "4 virtual processors as many as the host has" in " ".join(planned.split())
+
+
+def test_later_growth_is_measured_with_more_processors(manifest: Path) -> None:
+    """The program is the same for rarms: a log that holds says 1, and now 2 threads run at once."""
+    with chdir(manifest.parent):
+        rarms("measure")
+        before = recorded()
+        manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
+        lines = LOG.read_text(encoding="utf-8")
+        rarms("measure")  # stale: measured again, of two threads
+        after = recorded()
+
+    assert before[0] == (4, 1)
+    assert '"threads"' not in lines.splitlines()[0]
+    assert after[: len(before)] == before
+    assert after[len(before)] == (4, 2)
+
+
+def test_growing_use_begins_a_new_curve(
+    manifest: Path,
+) -> None:
+    """What a log says was seen of two threads is one processor: the next setting shows two."""
+    manifest.write_text(MANIFEST.replace("THREADS", "2"), encoding="utf-8", newline="\n")
+    with chdir(manifest.parent):
+        rarms("measure", "--from", "40%", "--to", "40%")
+        rewrite_log(LOG, lambda each: replace(each, setting=replace(each.setting, processors=1, used_processors=1)))
+        ran = rarms("measure")
+        seen = recorded()
+
+    assert ran.err.count("eyes beside busy-loop on onboard (simulated): 1 to 8 settings") == 2
+    assert "RARMS380" in ran.err
+    assert {processors for processors, used in seen if used == 2} == {1, 2}
+    of_two = [processors for processors, _ in seen if processors == 2]
+    assert len(of_two) <= 8
+
+
+GROWS = 0.001
+"""The part by which a job takes longer than the one before."""
+FIRST, NEAR = range(41, 50), range(47, 56)
+
+
+def an_unsteady_experiment(work: str, varies: str, limit: int) -> Experiment:
+    component = a_component(
+        "coi",
+        apt={"mean_response_time": at_most(limit)},
+        run=a_run(),
+        simulation=a_simulation(work=work, varies=varies),
+        reserve=None,
+        processors=2,
+    )
+    system = a_system(components=[component])
+    return experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
+
+
+def growing(reserves: range) -> Simulate:
+    """The fluid model, but for what is said above of these reservations of P1."""
+
+    def simulate(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
+        [reserve] = [each.reserve for each in machine.machines if each.components]
+        later = 0.0
+        for number, job in enumerate(fluid(machine, seed)):
+            longer = GROWS * number * job.response if reserve in reserves else 0.0
+            yield replace(job, began=job.began + later, response=job.response + longer)
+            later += longer
+
+    return simulate
+
+
+def searched(
+    experiment: Experiment, folder: Path, silent: range = FIRST, scheduler: Simulate | None = None
+) -> ExperimentResult:
+    bench = Bench(folder, experiment)
+    return bench.measure(bench.search("default"), simulate=scheduler or growing(silent))
+
+
+def unsteady(settings: tuple[Setting, ...]) -> set[int]:
+    return {setting.reserve for setting in settings if any(map(why_unsteady, setting.series))}
+
+
+FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
+    "15 ms for 100 ms": ("15 ms", "10 %", 100, 15),
+    "10 ms for 90 ms": ("10 ms", "10 %", 90, 12),
+    "14 ms for 93 ms": ("14 ms", "5 %", 93, 15),
+    "16 ms for 80 ms": ("16 ms", "5 %", 80, 20),
+}
+"""Work, how it varies, threshold in ms, and the CR that the work alone needs."""
+
+
+@pytest.mark.parametrize("case", FAR_BELOW)
+def test_first_setting_without_steady_state_costs_no_reservation(case: str, tmp_path: Path) -> None:
+    work, varies, limit, needed = FAR_BELOW[case]
+    experiment = an_unsteady_experiment(work, varies, limit)
+    ended = searched(experiment, tmp_path)
+
+    assert unsteady(ended.settings) <= {45}
+    assert isinstance(ended.conclusion, Sufficient)
+    assert needed <= ended.conclusion.reserve <= needed + 2
+    assert ended.conclusion.failed is not None
+    assert ended.conclusion.reserve - ended.conclusion.failed <= 3
+    assert not isinstance(shortfall_at(ended.conclusion.failed, ended.settings, experiment), Unsteady)
+    assert ended.conclusion.inconclusive == ()
+    assert len(ended.settings) <= 9
+    found = findings_of(experiment, ended.conclusion, ended.settings, FirstLine(""))
+    assert "RARMS267" not in {finding.code for finding in found}
+
+
+def test_unsteady_neighbourhood_is_unknown(tmp_path: Path) -> None:
+    experiment = an_unsteady_experiment("15 ms", "10 %", 28)
+    ended = searched(experiment, tmp_path, NEAR)
+    end = ended.conclusion
+
+    assert isinstance(end, Sufficient)
+    assert end.inconclusive
+    assert set(end.inconclusive) <= unsteady(ended.settings)
+    assert end.failed not in unsteady(ended.settings)
+    assert all((end.failed or 0) < level < end.reserve for level in end.inconclusive)
+    found = findings_of(experiment, end, ended.settings, FirstLine(""))
+    (told,) = [finding for finding in found if finding.code == "RARMS267"]
+    assert f"coi: {end.reserve} % of its VPs is enough" in told.detail
+    assert f"coi at {end.inconclusive[-1]} % of its VPs: its response times still changed within" in told.detail
+    assert str(told.advice) == "Look for what grows in coi while it runs. Or leave it."
+
+
+def test_first_quick_jobs_are_not_believed(tmp_path: Path) -> None:
+    """40 samples of 3 ms are over before the load beside them has missed anything: 1 % seemed enough, for 303 ms."""
+    experiment = an_unsteady_experiment("3 ms", "0 %", 4)
+    log = tmp_path / "settled"
+    log.mkdir()
+    ended = searched(experiment, log, scheduler=SchedulerSimulation)
+
+    assert isinstance(ended.conclusion, Sufficient)
+    assert ended.conclusion.reserve >= 35
+    lower = [setting for setting in ended.settings if setting.reserve < 30]
+    assert all(isinstance(shortfall_at(setting.reserve, ended.settings, experiment), Missed) for setting in lower)

@@ -1,11 +1,28 @@
 """Words in a row, names that were misspelt, and text of other programs."""
 
+import json
 import re
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 import rarms_iac
+from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import (
+    APPLY,
+    DRIFT,
+    PLAN_OUT,
+    Prose,
+    RecommendedCommand,
+    command,
+    plain_text,
+    prose,
+    sentences,
+)
+from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.wording import (
     MOST_SUGGESTIONS,
     Suggestions,
@@ -20,6 +37,8 @@ from rarms_iac.model.wording import (
     reason_of,
     suggestion,
 )
+from rarms_iac.storage.codec import encode_output
+from scripts.schema_of_types import output_schema_of
 
 
 @pytest.mark.parametrize(
@@ -159,3 +178,107 @@ def test_no_other_module_asks_error_for_its_words() -> None:
 
     readers = {file.name for file in package.rglob("*.py") if re.search(r"\.strerror\b(?!\()", file.read_text("utf-8"))}
     assert readers <= alone
+
+
+LATE = Finding.error("RARMS999", "Too late")
+
+
+def test_one_set_of_facts_gives_sentence_and_values() -> None:
+    found = LATE.at(
+        None,
+        "{component} stopped after {timeout:ms} with {errors:error}: {loads} and {share:%} of {memory:bytes}{_end}",
+        "Wait.",
+        component="vision",
+        timeout=2000,
+        errors=2,
+        loads=("a", "b"),
+        share=Fraction(1, 2),
+        memory=2**29,
+        rest_ms=1,
+        _end=".",
+    )
+
+    assert found.detail == "vision stopped after 2 s with 2 errors: a and b and 0.5 % of 512 MiB."
+    assert found.values == {
+        "component": "vision",
+        "timeout_ms": 2000,
+        "errors": 2,
+        "loads": ("a", "b"),
+        "share_percent": 0.5,
+        "memory_bytes": 2**29,
+        "rest_ms": 1,
+    }
+
+
+def test_braces_of_a_fact_stay() -> None:
+    assert LATE.of_host("{0}", "{host} has {reason}.", "Wait.", reason="{x}").detail == "{0} has {x}."
+
+
+def test_command_is_data_until_it_is_written_out() -> None:
+    measure = command("measure", "vision", again=True, script=False, samples=200, from_="10%")
+
+    assert measure.arguments == ("vision",)
+    assert [(option.name, option.value) for option in measure.options] == [
+        ("--again", None),
+        ("--samples", "200"),
+        ("--from", "10%"),
+    ]
+    assert measure.text == "rarms measure vision --again --samples 200 --from 10%"
+    assert command("apply", "my plan.json", f="robot").text == "rarms apply 'my plan.json' -f robot"
+
+
+@pytest.mark.parametrize(
+    ("recommended", "written"),
+    [
+        (DRIFT, "`rarms drift -f cell`"),
+        (PLAN_OUT, "`rarms plan --out FILE -f cell`"),
+        (command("explain", "RARMS014"), "`rarms explain RARMS014`"),
+        (command("apply", "FILE"), "`rarms apply FILE`"),
+        (command("plan", f="robot"), "`rarms plan -f robot`"),
+    ],
+)
+def test_command_names_the_manifest_if_it_takes_one(recommended: RecommendedCommand, written: str) -> None:
+    assert plain_text(prose("Look: ", recommended, "."), " -f cell") == f"Look: {written}."
+
+
+def test_text_and_commands_are_joined_piece_by_piece() -> None:
+    either = prose(APPLY, " finishes it")
+
+    assert sentences("It stopped.", "", prose("Run it: ", either, ".")) == Prose(
+        ("It stopped. Run it: ", APPLY, " finishes it.")
+    )
+    assert sentences("It stopped.", prose("Wait", ".")) == Prose(("It stopped. Wait.",))
+    assert not sentences("", "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """An answer."""
+
+    address: Address
+    amount: Fraction
+    upper: OpenBound
+    secret: Internal[str] = "secret"
+
+    @property
+    def unmarked(self) -> int:
+        return 1
+
+    @output
+    def double(self) -> Fraction:
+        return 2 * self.amount
+
+
+ANSWER = Answer(address=Address(partition="vision"), amount=Fraction(1, 4), upper=float("inf"))
+
+
+def test_result_is_its_fields_and_its_marked_properties() -> None:
+    assert encode_output(ANSWER) == {"address": "partition/vision", "amount": 0.25, "upper": None, "double": 0.5}
+
+
+def test_the_schema_has_the_same_parts() -> None:
+    json_text = json.dumps(encode_output(ANSWER))
+    definition = output_schema_of([Answer])["$defs"]["Answer"]
+
+    assert list(definition["properties"]) == definition["required"] == list(json.loads(json_text))
+    assert definition["properties"]["upper"] == {"type": ["number", "null"]}

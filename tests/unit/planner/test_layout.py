@@ -1,13 +1,38 @@
+"""What a plan says of its choice of hosts: how good it is, what moves, and how far from the bound it may be."""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.model.host import HypervHost, ProviderKind
-from rarms_iac.model.layout import Infeasible, Layout
+import pytest
+
+from rarms_iac.model.host import Host, HypervHost, ProviderKind
+from rarms_iac.model.layout import Infeasible, Layout, Placement
 from rarms_iac.model.state import Partition, RunState, State
-from rarms_iac.model.system import CpuRequest, Disruption, RunsOn, System
+from rarms_iac.model.system import Component, CpuRequest, Disruption, Policy, RunsOn, System, Threshold
+from rarms_iac.planner import problem as searched
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.reservations import FixedReservations
-from tests.builders import a_component, a_cpu, a_host, a_partition, a_system, at_most, codes, the_delivery_robot
+from rarms_iac.planner.measured_together import MeasuredTogether
+from rarms_iac.planner.packing.pack import pack
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
+from rarms_iac.planner.problem import problem_of, solve
+from rarms_iac.planner.reservations import FixedReservations, MeasuredReservations
+from rarms_iac.statistics.curves import curve_of
+from tests.builders import (
+    PathPlaces,
+    a_component,
+    a_cpu,
+    a_host,
+    a_partition,
+    a_run,
+    a_simulation,
+    a_system,
+    at_least,
+    at_most,
+    codes,
+    the_delivery_robot,
+)
+from tests.builders_measured import a_log, a_series, a_setting
 from tests.planning import PLACES
 from tests.strategies import MIB, Strangers, empty_state, some_settings, state_with
 
@@ -213,3 +238,229 @@ def test_open_reserve_of_partition_is_its_members() -> None:
     by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
     assert layout(a_system(partitions=[by_hand])).partitions[0].settings.reserve == 20
+
+
+SHARES = {"a": 60, "b": 50, "c": 40, "d": 30, "e": 20}
+
+
+def system_of(shares: dict[str, int], hosts: int = 3) -> System:
+    return a_system(
+        hosts=[a_host(f"host{at}") for at in range(hosts)],
+        components=[a_component(name, reserve=f"{share} %", memory="64 MiB") for name, share in shares.items()],
+    )
+
+
+def placed(
+    running: dict[str, str],
+    shares: dict[str, int] = SHARES,
+    hosts: int = 3,
+    max_disruption: Disruption = Disruption.REMOVAL,
+) -> Planning:
+    system = system_of(shares, hosts)
+    states = {
+        name: state_with(host, *(partition for partition, at in running.items() if at == name))
+        for name, host in system.hosts.items()
+    }
+    return plan_layout(system, FixedReservations(), states, PLACES, max_disruption=max_disruption)
+
+
+def hosts_of(planning: Planning) -> dict[str, str]:
+    assert isinstance(planning.answer, Layout)
+    return {name: partition.host for partition in planning.answer.partitions for name in partition.components}
+
+
+def placement_of(planning: Planning) -> Placement:
+    assert isinstance(planning.answer, Layout)
+    assert planning.answer.placement is not None
+    return planning.answer.placement
+
+
+def test_a_layout_that_runs_and_fits_stays() -> None:
+    running = {"a": "host2", "b": "host1", "c": "host2", "d": "host1", "e": "host0"}
+
+    planning = placed(running)
+
+    assert hosts_of(planning) == running
+    placement = placement_of(planning)
+    assert (placement.verdict, placement.reserved, placement.moves) == ("optimal", 400, 0)
+    assert not planning.findings
+
+
+def test_one_point_moves_only_what_must() -> None:
+    """Two partitions fill a host; one grows by a point, so that one of them must leave, and no other."""
+    running = {"a": "host0", "c": "host0", "b": "host1", "d": "host1", "e": "host2"}
+
+    planning = placed(running, {**SHARES, "c": 41})
+
+    assert sum(hosts_of(planning)[name] != host for name, host in running.items()) == 1
+    placement = placement_of(planning)
+    assert (placement.moves, placement.moves_bound) == (1, 1)
+
+
+def test_host_order_moves_nothing() -> None:
+    shares = {"a": 60, "b": 60}
+
+    assert hosts_of(placed({"a": "host1", "b": "host0"}, shares, hosts=2)) == {"a": "host1", "b": "host0"}
+    assert hosts_of(placed({}, shares, hosts=2)) == {"a": "host0", "b": "host1"}
+
+
+def test_no_choice_says_nothing() -> None:
+    planning = plan_layout(system_of({"a": 30}, hosts=1), FixedReservations(), {}, PLACES)
+
+    assert isinstance(planning.answer, Layout)
+    assert planning.answer.placement is None
+    assert not planning.findings
+
+
+def test_staying_partitions_are_counted() -> None:
+    """Thirty-five that stay where they are, and the five that have a choice beside them."""
+    fixed = {f"p{at:02}": f"host{at % 3}" for at in range(35)}
+
+    planning = placed(fixed, {**dict.fromkeys(fixed, 2), **SHARES}, max_disruption=Disruption.LIVE)
+
+    assert {name: host for name, host in hosts_of(planning).items() if name in fixed} == fixed
+    placement = placement_of(planning)
+    assert (placement.verdict, placement.reserved) == ("optimal", 2 * (70 + 200))
+
+
+def test_unproved_layout_says_its_distance() -> None:
+    placement = Placement(reserved=420, reserved_bound=400, moves=3, moves_bound=1)
+
+    assert placement.verdict == "within the bound"
+    assert not placement.proven
+    assert replace(placement, reserved=400, moves=1).verdict == "optimal"
+
+
+@pytest.mark.parametrize(
+    ("provider", "alike"), [(ProviderKind.SIMULATED, True), (ProviderKind.LINUX, True), (ProviderKind.HYPERV, False)]
+)
+def test_unchecked_search_differs_only_with_bounds(provider: ProviderKind, alike: bool) -> None:
+    components = [a_component(name, reserve="60 %", memory="64 MiB") for name in ("speech", "vision")]
+    problem = problem_of(
+        a_system(hosts=[a_host(provider=provider)], components=components), FixedReservations(), {}, may_move=True
+    )
+
+    unchecked = problem.without_checks()
+
+    assert ((problem.items, problem.bins) == (unchecked.items, unchecked.bins)) is alike
+
+
+@pytest.mark.parametrize("provider", list(ProviderKind))
+def test_certain_misfit_is_searched_once(provider: ProviderKind, monkeypatch: pytest.MonkeyPatch) -> None:
+    components = [a_component(name, reserve="80 %", memory="64 MiB") for name in ("speech", "vision")]
+    problem = problem_of(
+        a_system(hosts=[a_host(provider=provider)], components=components), FixedReservations(), {}, may_move=True
+    )
+    searches: list[object] = []
+
+    def counted(items: Sequence[Item], bins: Sequence[Bin]) -> Packing | NoPacking:
+        searches.append(bins)
+        return pack(items, bins)
+
+    monkeypatch.setattr(searched, "pack", counted)
+
+    answer = solve(problem)
+
+    assert isinstance(answer, Infeasible)
+    assert answer.proven
+    assert len(searches) == 1
+
+
+JOBS = [10.0, 10.2, 9.8] * 400
+OTHER = a_component("other", reserve="20 %")
+
+
+def measured(*, work_ms: float = 4.0, load: str = "busy-loop") -> MeasuredTogether:
+    """40 % of two processors is enough for each threshold; a job takes so much processor time, on one of them."""
+    series = replace(a_series("vision", JOBS), elapsed_ms=10_000.0)
+    return MeasuredTogether(
+        path=f"measurements/onboard/vision/{load}.jsonl",
+        interference=load,
+        processors=2,
+        measured=(40,),
+        curves=lambda component, index: curve_of([a_setting(40, series)], component, index, a_run()),
+        records=a_log(()),
+        cpu_ms=lambda _component: work_ms,
+        used=1,
+    )
+
+
+def vision(apt: Mapping[str, Threshold], **changes: object) -> Component:
+    component = a_component("vision", reserve="measured", apt=apt, run=a_run())
+    return replace(component, **changes)  # type: ignore[arg-type]  # by name, as the builders take them
+
+
+def found(
+    component: Component,
+    *,
+    others: Sequence[Component] = (OTHER,),
+    loads: Sequence[str] = ("busy-loop",),
+    work_ms: float = 4.0,
+    host: Host | None = None,
+) -> list[tuple[str, str]]:
+    """Severity and detail of what is said of neighbours."""
+    system: System = a_system(
+        hosts=[host or a_host()], components=[component, *others], policy=Policy(interference=tuple(loads))
+    )
+    logs = tuple(measured(work_ms=work_ms, load=load) for load in loads)
+    source = MeasuredReservations(kinds={"onboard": "onboard"}, logs={("onboard", ("vision",)): logs})
+    planning = plan_layout(system, source, {}, PathPlaces())
+    return [
+        (finding.severity.value, finding.detail)
+        for finding in planning.findings
+        if finding.code in {"RARMS313", "RARMS324"}
+    ]
+
+
+TAIL = {"p95_response_time": at_most(60)}
+MEAN = {"mean_response_time": at_most(60)}
+PERIODIC = a_run(every="50 ms")
+
+
+def test_steady_loads_alone_warn_of_a_tail() -> None:
+    ((severity, detail),) = found(vision(TAIL))
+
+    assert severity == "warning"
+    assert "may answer 110 ms after they are due: 10 ms of work by its reservation, and a window of 100 ms" in detail
+    assert detail.endswith("p95_response_time allows less.")
+
+
+def test_bursts_note_neighbours_of_a_tail() -> None:
+    ((severity, detail),) = found(vision(TAIL), loads=("busy-loop", "bursts-20"))
+
+    assert severity == "note"
+    assert detail == (
+        "p95_response_time of vision depends on its neighbours: what 1 other partition on onboard does within 100 ms "
+        "decides it."
+    )
+
+
+@pytest.mark.parametrize(
+    ("component", "count"),
+    [
+        (vision({"p95_response_time": at_most(111)}), 0),  # 10 ms of work and a window
+        (vision(MEAN), 0),  # the next job begins when the last one ended: the share it gets is the share it has
+        (vision(MEAN, run=PERIODIC), 1),
+        (vision({"mean_response_time": at_most(111)}, run=PERIODIC), 0),
+        (vision({"maximum_response_time": at_most(60)}), 1),
+        (vision({"deadline_miss_rate": at_most(5)}, run=a_run(every="50 ms", deadline="50 ms")), 1),
+        (vision({"success_rate": at_least(90)}, simulation=a_simulation(within="60 ms")), 1),
+        (vision({"success_rate": at_least(90)}), 0),  # nothing says by when
+    ],
+)
+def test_too_little_for_window_is_told(component: Component, count: int) -> None:
+    assert len(found(component)) == count
+
+
+def test_who_is_alone_on_host_has_no_neighbours() -> None:
+    assert found(vision(TAIL), others=()) == []
+
+
+def test_long_job_sees_whole_windows() -> None:
+    assert found(vision({"p95_response_time": at_most(260)}), work_ms=100.0) == []
+
+
+def test_linux_keeps_no_long_claim() -> None:
+    linux = replace(a_host(), provider=ProviderKind.LINUX)
+
+    assert found(vision(TAIL), host=linux) == []

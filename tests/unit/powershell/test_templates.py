@@ -1,22 +1,40 @@
 """The module that scripts call: its two files, and how a script finds or holds it."""
 
 import hashlib
+import json
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rarms_iac.model.version import __version__
+from rarms_iac.model.wording import remark
+from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, literal
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import (
+    MEASURING_PARTS,
     MODULE_FILES,
     ScriptForm,
     module_digest,
     module_file,
+    part_text,
     shipped_module,
     template_text,
     without_signature,
 )
-from tests.powershell_lint.tree import parse, text_of
+from tests.effort import LONG
+from tests.fake_powershell.cell import apply, undo
+from tests.fake_powershell.cells import fresh
+from tests.fake_powershell.compiling import compiled
+from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.observing import PROFILE
+from tests.fake_powershell.scopes import Scope, Session
+from tests.fake_powershell.values import Table, Unsupported, Value
+from tests.powershell_lint.tree import parse, text_of, walk
+from tests.unit.powershell.hostile import hostile_texts
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
 SCRIPTS = {
@@ -91,3 +109,144 @@ def test_a_changed_reserve_is_a_short_script() -> None:
 
     assert script.count("\n") <= 80
     assert undo.count("\n") <= 80
+
+
+TEXTS = {
+    "module": template_text("Rarms/Rarms.psm1"),
+    **{f"part {name}": part_text(name) for name in MEASURING_PARTS},
+    "observe": template_text("observe.ps1"),
+}
+templates = pytest.mark.parametrize("name", TEXTS)
+
+BY_CULTURE = re.compile(
+    r"-(i?match|i?notmatch|i?like|i?notlike|csplit)|ToLower|ToUpper|ToTitleCase|CompareTo|StartsWith", re.IGNORECASE
+)
+ORDINAL = {"ToLowerInvariant", "ToUpperInvariant"}
+
+
+@templates
+def test_no_word_of_template_depends_on_culture(name: str) -> None:
+    """`-cmatch` and its like tell case; `-eq`, `-contains` and `-replace` go by the invariant culture."""
+    leaves = [node for node in walk(parse(TEXTS[name])) if node.child_count == 0]
+    found = [text_of(leaf) for leaf in leaves if leaf.type not in {"comment", "verbatim_string_characters"}]
+
+    assert [word for word in found if BY_CULTURE.fullmatch(word) and word not in ORDINAL] == []
+    assert not [word for word in found if word.lower().endswith(("tolower", "toupper"))]
+
+
+@templates
+def test_no_number_is_shaped_by_the_culture(name: str) -> None:
+    """Holes of `-f` have widths and hexadecimal digits, which are the same everywhere; no N, D or date."""
+    texts = [text_of(node) for node in walk(parse(TEXTS[name])) if node.type == "string_literal"]
+    holes = [hole for text in texts for hole in re.findall(r"\{[0-9]+(?:,-?[0-9]+)?(:[^}]*)?\}", text)]
+
+    assert set(holes) <= {"", ":x4"}
+    assert "ToString()" not in TEXTS[name]
+
+
+@pytest.mark.parametrize("name", ["module", *(f"part {name}" for name in MEASURING_PARTS)])
+def test_script_tables_compare_keys_by_characters(name: str) -> None:
+    """A table that is written out has words of ours as keys; all others are given `$script:Ordinal`."""
+    text = TEXTS[name]
+
+    empty = re.findall(r"^.*@\{ *\}.*$", text, flags=re.MULTILINE)
+    assert [line for line in empty if line != "$PSDefaultParameterValues = @{}"] == []
+    made = re.findall(r"(?i)\[[a-z.]*(?:hashtable|dictionary)\]::new\(.*?\)", text)
+    assert [table for table in made if not table.endswith("$script:Ordinal)")] == []
+    tables = re.findall(r"(?<!DefaultParameterValues = )@\{([^{}]+)\}", text)
+    keys = [entry.split("=")[0].strip() for table in tables for entry in re.split(r"[;\n]", table) if "=" in entry]
+    assert [key for key in keys if not re.fullmatch("[A-Za-z_]+", key)] == []
+
+
+def test_names_equal_in_a_culture_stay_two() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    task = host.add_key(f"{PROFILE}\\Tasks\\Localization").values
+    task["pri\u00adority"] = replace(task["priority"], name="Pri\u00adority")
+
+    ran = undo(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert "changed since the plan: value:pri" in ran.says
+
+
+@pytest.mark.parametrize("other", ["value:SFIO", "value:sf\u00adio"])
+def test_stand_in_refuses_key_that_culture_decides_about(other: str) -> None:
+    table = Table([("value:sfio", 1)])
+
+    with pytest.raises(Unsupported):
+        table.at(other)
+    assert Table([("value:sfio", 1)], ordinal=True).at(other) is None
+
+
+RECORDED = Path(__file__).resolve().parents[2] / "recorded/powershell/literals.json"
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        ("", "''"),
+        ("O'Brien", "'O''Brien'"),
+        ("$(x) `n", "'$(x) `n'"),
+        ("right\u2019", "('' + 'right' + [char]0x2019)"),
+        ("\U0001f600", "('' + [char]0xD83D + [char]0xDE00)"),
+        ("a\r\nb", "('' + 'a' + [char]0x000D + [char]0x000A + 'b')"),
+        (True, "$true"),
+        (False, "$false"),
+        (0, "0"),
+        (536870912, "536870912"),
+    ],
+)
+def test_each_form(value: bool | int | str, written: str) -> None:
+    assert literal(value) == written
+
+
+@pytest.mark.parametrize("value", [-1, LARGEST + 1, "\ud800", "x\udfff", "é" * (MOST_PARTS + 1)])
+def test_unrepresentable_value_is_refused(value: int | str) -> None:
+    with pytest.raises(NoLiteral) as refused:
+        literal(value)
+
+    assert refused.value.value == value
+    assert refused.value.why
+
+
+def evaluated(written: list[str]) -> list[Value]:
+    """What these literals give as statements of a script."""
+    values: list[Value] = []
+    session = Session(WindowsHost(), windows_powershell=True, path="C:\\x.ps1", declined=frozenset())
+    compiled("".join(f"{text}\r\n" for text in written).encode("ascii")).body(Scope(session, None), values)
+    return [_joined(value) if isinstance(value, str) else value for value in values]
+
+
+def _joined(text: str) -> str:
+    """Two halves of a surrogate pair as one character, which they are to PowerShell."""
+    return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le")
+
+
+@given(st.lists(st.one_of(st.booleans(), st.integers(0, LARGEST), st.text(max_size=60)), min_size=1))
+def test_any_value_is_what_its_literal_gives(values: list[bool | int | str]) -> None:
+    written = [literal(value) for value in values]
+
+    assert all(text.isascii() and text.isprintable() for text in written)
+    assert evaluated(written) == values
+
+
+def test_hostile_texts_are_what_their_literals_give() -> None:
+    texts = hostile_texts(100_000 if LONG else 5_000)
+
+    assert evaluated([literal(text) for text in texts]) == texts
+
+
+def test_plain_texts_are_quoted_as_powershell_proved() -> None:
+    cases = json.loads(RECORDED.read_text(encoding="utf-8"))["cases"]
+    plain = [case for case in cases if case["text"].isascii() and case["text"].isprintable()]
+
+    assert len(plain) == 60
+    assert [literal(case["text"]) for case in plain] == [case["literal"] for case in plain]
+
+
+def test_a_remark_stays_on_its_line() -> None:
+    for text in hostile_texts(2_000):
+        assert remark(text).isascii()
+        assert remark(text).isprintable()

@@ -7,13 +7,15 @@ from math import inf, sqrt
 import pytest
 
 from rarms_iac.model.indexes import INDEXES
-from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.series import Series
-from rarms_iac.statistics.distributions import student_quantile
+from rarms_iac.statistics.distributions import beta_quantile, share_below, share_interval, student_quantile
 from rarms_iac.statistics.error_probability import LOOK_ERROR, PERIODIC_STARTS
 from rarms_iac.statistics.estimates import estimate, mean_estimate
 from rarms_iac.statistics.samples import effective_samples
+from rarms_iac.statistics.steady_state import find_steady_part
 from tests.builders import a_run
+from tests.effort import examples
 from tests.measured import a_series, noisy
 
 RUN = replace(a_run(), deadline=None)
@@ -242,3 +244,49 @@ def test_few_starts_that_differ_give_no_bound() -> None:
 
     assert isinstance(mean_estimate(locked, 0.001, starts=starts), NoEstimate)
     assert isinstance(mean_estimate(locked[:100], 0.001), Estimate)
+
+
+@pytest.mark.parametrize(
+    ("probability", "freedom", "value"),
+    [(0.975, 1, 12.706), (0.975, 10, 2.228), (0.995, 30, 2.750), (0.95, 120, 1.658), (0.025, 10, -2.228)],
+)
+def test_student(probability: float, freedom: float, value: float) -> None:
+    assert student_quantile(probability, freedom) == pytest.approx(value, abs=0.001)
+
+
+def test_student_without_freedom_knows_nothing() -> None:
+    assert student_quantile(0.975, 0.0) == inf
+
+
+def test_beta_is_uniform_with_ones() -> None:
+    assert share_below(0.3, 1.0, 1.0) == pytest.approx(0.3)
+    assert beta_quantile(0.3, 1.0, 1.0) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "bounds"), [(0, 10, (0.0, 0.3085)), (5, 10, (0.1871, 0.8129)), (10, 10, (0.6915, 1.0))]
+)
+def test_clopper_and_pearson(successes: float, trials: float, bounds: tuple[float, float]) -> None:
+    assert share_interval(successes, trials, error=0.05) == pytest.approx(bounds, abs=0.0001)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_steady_series_are_hardly_ever_refused(correlation: float) -> None:
+    tries = examples(100)
+    refused = sum(
+        isinstance(find_steady_part(noisy(seed, 100.0, variation=0.15, correlation=correlation, count=400)), Unsteady)
+        for seed in range(tries)
+    )
+
+    assert refused <= 0.02 * tries + 3 * (0.02 * 0.98 * tries) ** 0.5
+
+
+def test_a_warm_up_is_cut_off() -> None:
+    found = find_steady_part([300.0] * 30 + noisy(4, 100.0, count=970))
+
+    assert isinstance(found, int)
+    assert 30 <= found <= 60
+
+
+def test_a_series_that_never_varies_is_steady() -> None:
+    assert find_steady_part([7.0] * 500) == 0

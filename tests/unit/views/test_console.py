@@ -1,9 +1,24 @@
+import io
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, UNLIMITED, Table, columns, cut_row, indented, paragraph, render, stack, styled
+from rarms_iac.views.console import (
+    BAD,
+    STRONG,
+    UNLIMITED,
+    Table,
+    columns,
+    cut_row,
+    indented,
+    paragraph,
+    render,
+    stack,
+    styled,
+)
 from rarms_iac.views.harmless import visible
+from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 
 
 def lines(content: object, width: int = 80) -> list[str]:
@@ -123,3 +138,67 @@ def test_running_row_fits_one_line() -> None:
         "attitude       20 % of its VP  1234 samples, p95_response_time 10.1 ms, some ..."
     )
     assert cut_row(running, [("p" * 60, "20 %", "done")], 80) == running
+
+
+class FakeTerminal(io.StringIO):
+    """A stream that a user looks at."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def wrapper(encoding: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="\r\n")
+
+
+def written(stream: io.TextIOWrapper, text: str) -> bytes:
+    stream.write(text)
+    stream.flush()
+    buffer = stream.buffer
+    assert isinstance(buffer, io.BytesIO)
+    return buffer.getvalue()
+
+
+def test_what_stream_cannot_show_is_written_as_escape() -> None:
+    stream = wrapper("ascii")
+    make_safe(stream)
+
+    assert written(stream, "Prüfung \ud800\n") == b"Pr\\xfcfung \\ud800\n"
+
+
+def test_windows_pipe_gets_utf_8_and_line_feeds() -> None:
+    stream = wrapper("cp1252")
+    make_safe(stream)
+
+    assert written(stream, "≥\n") == "≥\n".encode()
+
+
+def test_width_is_80_or_the_terminals() -> None:
+    assert width_of(io.StringIO(), {}) == DEFAULT_WIDTH
+    assert NARROWEST <= width_of(FakeTerminal(), {}) <= WIDEST
+
+
+def test_terminal_wraps_and_pipe_does_not() -> None:
+    err = io.StringIO()
+    Terminal(out=io.StringIO(), err=err, width=20).tell("one two three four five six")
+    Terminal(out=io.StringIO(), err=err, width=20, talk_wrapped=False).tell("one two three four five six")
+
+    assert err.getvalue().splitlines() == ["one two three four", "five six", "one two three four five six"]
+
+
+def test_talk_follows_written_data() -> None:
+    terminal = Terminal(out=io.StringIO(), err=io.StringIO())
+    terminal.data("data\n")
+    terminal.talk("talk")
+
+    assert isinstance(terminal.out, io.StringIO)
+    assert isinstance(terminal.err, io.StringIO)
+    assert (terminal.out.getvalue(), terminal.err.getvalue()) == ("data\n", "talk\n")
+
+
+def test_colours_need_a_terminal() -> None:
+    out = io.StringIO()
+
+    Terminal(out=out, err=io.StringIO(), colour=True).show(styled(("vision\x1b[31m", STRONG)))
+
+    assert out.getvalue() == "\x1b[1mvision<U+001B>[31m\x1b[0m\n"

@@ -1,3 +1,5 @@
+"""Text that rarms did not write acts neither on a terminal nor on the runner of a workflow."""
+
 from collections.abc import Sequence
 
 import pytest
@@ -6,7 +8,9 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
+from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.console import columns, render
+from rarms_iac.views.finding_page import page_text, unknown_code
 from rarms_iac.views.findings_text import findings_summary, findings_text
 from rarms_iac.views.harmless import visible
 
@@ -212,3 +216,55 @@ def test_path_in_sentence_stands_once() -> None:
 
     assert as_text(named, {}).splitlines()[1] == "  - robot.yaml:1:1: hosts is empty."
     assert as_text(other, {}).splitlines()[1] == "  - robot.yaml:1:1, hosts: Some hosts.", "no sentence is read"
+
+
+def test_a_finding_is_explained_by_its_page() -> None:
+    page = finding_page("RARMS042")
+
+    assert page is not None
+    text = render(page_text(page))
+    assert text.startswith("RARMS042: Unknown name\n======================\n\nSeverity: error.\n")
+    assert "    apart: [video-straeming]" in text
+    assert "```" not in text
+
+
+def test_unknown_id_says_where_all_are() -> None:
+    assert finding_page("RARMS000") is None
+    assert finding_page("../RARMS042") is None
+    assert "Did you mean" not in unknown_code("RARMS999"), "a number that is near says nothing"
+    assert "docs/diagnostics.md lists them all" in unknown_code("RARMS999")
+
+
+def test_page_becomes_eighty_columns() -> None:
+    page = "# T\n\n" + "word " * 40 + "\nmore [a link](x.md)\n\n- one\n- two\n  lines\n\n```\n# code\n```\nend\n"
+
+    text = render(page_text(page))
+
+    assert all(columns(line) <= 80 for line in text.splitlines())
+    assert "more a link\n" in text
+    assert "\n- one\n- two lines\n" in text
+    assert "\n    # code\n" in text
+    assert text.endswith("\nend\n")
+
+
+def test_example_lines_hang_below_first_word() -> None:
+    first, second = "face-detection 70 %, speech-recognition 30 % and path-planning 20 % need", "120 % of the two."
+
+    text = render(page_text(f"# T\n\n```\nerror\n  {first} {second}\n```\n"))
+
+    assert f"      {first}\n      {second}\n" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("plain: a::b, C::D and 1:2", "plain: a::b, C::D and 1:2"),
+        ("\x1b[31mred", "<U+001B>[31mred"),
+        ("a\u202eb", "a<U+202E>b"),
+        ("first\n::error::x", "first\n<U+003A>:error::x"),
+        ("folded ::set-env name=A::b", "folded <U+003A>:set-env name=A::b"),
+        ("##[error]x", "<U+0023>#[error]x"),
+    ],
+)
+def test_what_acts_is_spelt_out(text: str, shown: str) -> None:
+    assert visible(text) == shown

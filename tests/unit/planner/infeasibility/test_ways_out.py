@@ -10,7 +10,7 @@ from rarms_iac.model.system import AtLeast, AtMost, PartitionRequest, System
 from rarms_iac.planner.infeasibility.relaxations import _is_too_little
 from rarms_iac.planner.layout import describe_possibility, in_a_list
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
-from tests.unit.planner.test_measured_reservations import Logs, a_log, planned
+from tests.unit.planner.test_verdicts import Logs, a_log, planned
 
 APT = {"mean_response_time": at_most(100)}
 LINE = re.compile(r"([a-z]+): mean_response_time at most ([0-9.]+) ms instead of 100 ms")

@@ -1,17 +1,35 @@
 """Control groups: version 1 against the kernel below a slice of the test's own, version 2's files in a plain folder."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.state import ProcessorKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.machine import read_facts
+from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
+from rarms_iac.providers.cgroups.processes import ThreadLooks, consumed_ms, looking_at, orphans
 from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, MissingFeatures, find_tree
+from rarms_iac.running.component import ComponentRun
+from rarms_iac.running.kernel_files import read_process
+from rarms_iac.running.start import StartContext
+from tests.builders import a_host
+from tests.contracts.benches import forget_groups, groups_of
+from tests.contracts.test_measuring_contract import ready
 from tests.needs import require
+from tests.unit.running.programs import a_run
 
 MIB = 2**20
 
@@ -234,3 +252,154 @@ def test_missing_controller_of_both_versions_is_named(
 
     assert isinstance(found, MissingFeatures)
     assert [name.startswith(missing) for name in found.names] == [True]
+
+
+BUSY = """
+import subprocess, sys, time
+quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+helper = subprocess.Popen([sys.executable, "-c", "while True: pass"], **quiet)
+while True:
+    say('{"ms": 1}')
+    time.sleep(0.05)
+"""
+
+
+@pytest.mark.needs("linux")
+def test_consumption_counts_all_started_processes(tmp_path: Path) -> None:
+    with ComponentRun("busy", a_run(BUSY, until=10_000), StartContext(base=tmp_path)) as run:
+        next(run)
+        assert run.process is not None
+        before, until = consumed_ms(run.process), time.perf_counter() + 30
+        while consumed_ms(run.process) < before + 100 and time.perf_counter() < until:
+            next(run)
+        after = consumed_ms(run.process)
+
+    assert after >= before + 100
+    assert consumed_ms(run.process) == 0, "it is gone"
+
+
+@pytest.mark.needs("linux")
+def test_process_is_known_by_its_name_and_parent() -> None:
+    own = read_process(os.getpid())
+
+    assert own is not None
+    assert own.parent == os.getppid()
+    assert read_process(2**22 + 1) is None
+
+
+def orphan_findings(host: LinuxMeasuringHost) -> list[Diagnostic]:
+    return [finding for finding in host.examined().findings if finding.code == "RARMS168"]
+
+
+@pytest.mark.needs("linux")
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_doctor_names_what_killed_supervisor_left_in_partition(tmp_path: Path) -> None:
+    described, groups = a_host(provider=ProviderKind.LINUX, keep_processor="5 %"), groups_of(tmp_path)
+    host = LinuxMeasuringHost(described, tmp_path, tmp_path / "state", groups)
+    with ready(host):
+        context = replace(StartContext(base=tmp_path), inside=groups.place("rarms-p1"))
+        with ComponentRun("busy", a_run(BUSY, until=10_000), context) as run:
+            next(run)
+            assert orphans(groups.processes("rarms-p1")) == ()
+            assert orphan_findings(host) == []
+            os.kill(run.process or 0, signal.SIGKILL)
+            until = time.perf_counter() + 20
+            while not (left_over := orphan_findings(host)) and time.perf_counter() < until:
+                time.sleep(0.02)
+    forget_groups(tmp_path)
+
+    (finding,) = left_over
+    assert "(python" in finding.detail
+    assert groups.names() == ()
+
+
+ALWAYS_BUSY, IDLE = "print(flush=True)\nwhile True: pass", "import time; print(flush=True); time.sleep(600)"
+
+
+class Group:
+    """A control group that has these processes, as far as it is asked here."""
+
+    def __init__(self, processes: list[int]) -> None:
+        self._processes = tuple(processes)
+
+    def processes(self, _name: str) -> tuple[int, ...]:
+        return self._processes
+
+
+@contextmanager
+def running(*programs: str) -> Iterator[Group]:
+    started = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) for program in programs]
+    try:
+        for process in started:
+            assert process.stdout is not None
+            assert process.stdout.readline()
+        yield Group([process.pid for process in started])
+    finally:
+        for process in started:
+            process.kill()
+            process.communicate()
+
+
+def looked_at(group: Group) -> ThreadLooks:
+    with looking_at(cast("GroupTree", group), "rarms-p1") as looks:
+        time.sleep(0.5)
+    return looks
+
+
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize(("programs", "most"), [((ALWAYS_BUSY, IDLE), 1), ((ALWAYS_BUSY, ALWAYS_BUSY, IDLE), 2)])
+def test_running_and_waiting_threads_count(programs: tuple[str, ...], most: int) -> None:
+    with running(*programs) as group:
+        looks = looked_at(group)
+
+    assert looks.most(500.0) == most
+
+
+@pytest.mark.needs("linux")
+def test_unseen_or_rare_use_does_not_count() -> None:
+    with running(ALWAYS_BUSY) as group:
+        looks = looked_at(group)
+
+    assert ThreadLooks(cast("GroupTree", group), "rarms-p1").most(1.0) is None
+    assert looks.most(1_000_000.0) == 1
+
+
+class _Copy(LinuxEffects):
+    """This machine, with other files about its processors."""
+
+    def __init__(self, files: dict[str, str]) -> None:
+        self._files = {Path("/sys/devices/system/cpu") / name: text for name, text in files.items()}
+
+    def has_file(self, path: Path) -> bool:
+        return path in self._files if "cpu" in path.parts else super().has_file(path)
+
+    def read(self, path: Path) -> str:
+        return self._files[path] if "cpu" in path.parts else super().read(path)
+
+
+FOUR = {"online": "0-3"}
+PAIR = {f"cpu{number}/topology/thread_siblings_list": "0-1" for number in (0, 1)}
+SINGLE = {f"cpu{number}/topology/thread_siblings_list": str(number) for number in (2, 3)}
+
+
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize(
+    ("files", "kinds"),
+    [
+        ({}, ()),
+        ({f"cpu{number}/cpu_capacity": "1024" for number in range(4)}, ()),
+        (PAIR | SINGLE, (ProcessorKind(processors=2, threads=1), ProcessorKind(processors=2, threads=2))),
+        (
+            {f"cpu{number}/cpu_capacity": "446" if number else "1024" for number in range(4)},
+            (ProcessorKind(processors=1, capacity=1024), ProcessorKind(processors=3, capacity=446)),
+        ),
+        (
+            {f"cpu{number}/cpufreq/base_frequency": "2400000" if number else "3200000" for number in range(4)},
+            (ProcessorKind(processors=1, base_mhz=3200), ProcessorKind(processors=3, base_mhz=2400)),
+        ),
+    ],
+    ids=["unknown", "alike", "threads", "capacity", "frequency"],
+)
+def test_processors_that_differ_are_told_by_kind(files: dict[str, str], kinds: tuple[ProcessorKind, ...]) -> None:
+    assert read_facts(a_host(), _Copy(FOUR | files)).processor_kinds == kinds

@@ -1,16 +1,44 @@
 """A program that was started: its events; nothing of it lives on, and no other account looks into its folder."""
 
+import hashlib
 import json
+import re
 import sys
 import time
+from base64 import b64decode
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.channel import Channel
-from rarms_iac.providers.hyperv.provider import read_event
-from rarms_iac.providers.hyperv.transport import OURS_ONLY, protect
-from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
+from rarms_iac.model.host import Connect, Receiver
+from rarms_iac.model.version import __version__
+from rarms_iac.providers.channel import SSH_FAILED, Channel, CommandResult, ssh_words
+from rarms_iac.providers.hyperv.bootstrap import (
+    FAILED,
+    FAILED_CODE,
+    NO_MORE,
+    READY,
+    RemotePowerShell,
+    arguments_of,
+    command,
+    render_loader,
+    render_receiver,
+)
+from rarms_iac.providers.hyperv.provider import open_hyperv, read_event
+from rarms_iac.providers.hyperv.transport import OURS_ONLY, RemoteTransport, protect
+from rarms_iac.providers.interface import (
+    EventKind,
+    EventStatus,
+    HostFailed,
+    RunEvent,
+    ScriptBundle,
+    ScriptExited,
+    ScriptLost,
+    WaitLimits,
+)
+from tests.builders import a_host
+from tests.powershell_lint.tree import parse, text_of, walk
 
 EVENT = {
     "format": "rarms-event/1",
@@ -113,3 +141,211 @@ def test_script_folder_is_private_on_windows(tmp_path: Path) -> None:
 
     assert "S-1-1-0" not in trusted()
     (tmp_path / "plan.ps1").touch()
+
+
+SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.ps1": "exit 0\r\n"})
+
+THERE = RemotePowerShell("powershell")
+
+
+@dataclass
+class Answering:
+    """A channel whose host gives one answer."""
+
+    code: int
+    output: str
+    error: str = ""
+    target: str = "ops@cell"
+    asked: list[tuple[str, bytes]] = field(default_factory=list)
+
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
+        self.asked.append((command, data))
+        return CommandResult(code=self.code, output=self.output, error=self.error)
+
+
+@dataclass
+class Lines:
+    """What a script said."""
+
+    said: list[str] = field(default_factory=list)
+
+    def line(self, text: str) -> None:
+        self.said.append(text)
+
+    def should_stop(self) -> bool:
+        return False
+
+
+def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
+    return RemoteTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
+
+
+def test_session_is_ssh_and_ends_its_input() -> None:
+    channel, listener = Answering(3, f"a banner\n{READY}\none\ntwo\n", "a word\n"), Lines()
+
+    assert run(channel, listener) == ScriptExited(code=3, last_lines=("a word",))
+    assert listener.said == ["one", "two"]
+    assert channel.asked == [(" ".join(THERE.words()), THERE.frame(SCRIPT, ("-AsJson",)) + NO_MORE)]
+
+
+def test_a_host_without_that_powershell_is_named() -> None:
+    with pytest.raises(HostFailed, match=r"powershell.exe does not start on ops@cell \(exit code 9009\): not found"):
+        run(Answering(9009, "", "not found\n"), Lines())
+
+
+def test_unsent_scripts_end_no_run() -> None:
+    with pytest.raises(HostFailed, match="did not arrive as sent: bad name"):
+        run(Answering(FAILED_CODE, f"{READY}\n{FAILED} bad name\n"), Lines())
+
+
+def test_a_way_that_breaks_loses_the_script() -> None:
+    ended = run(Answering(SSH_FAILED, f"{READY}\none\n", "Connection reset\n"), Lines())
+
+    assert ended == ScriptLost(why="the connection broke (Connection reset)")
+
+
+def test_nothing_is_talked_with() -> None:
+    session = RemoteTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
+
+    with pytest.raises(HostFailed, match="one command at a time"), session:
+        pass
+
+
+def test_channel_is_used_from_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without `connect` the host could be taken for this computer."""
+    monkeypatch.setattr(sys, "platform", "win32")
+    channel = Answering(9009, "", "not found\n")
+
+    with pytest.raises(HostFailed, match="does not start on ops@cell"):
+        open_hyperv(a_host("onboard"), Path("signed"), channel).observe()
+
+    assert len(channel.asked) == 1
+
+
+BUNDLE = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
+
+LONGEST_COMMAND = 8191
+"""Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
+LONGEST_LOADER = 4000
+
+
+def test_what_travels_is_same_without_remarks_and_indentation() -> None:
+    def leaves(text: str) -> list[str]:
+        return [text_of(node) for node in walk(parse(text)) if node.child_count == 0 and node.type != "comment"]
+
+    assert leaves(command()) == leaves(render_loader().decode("ascii"))
+
+
+def test_loader_runs_no_other_receiver_than_this_one() -> None:
+    assert f"'{hashlib.sha256(render_receiver()).hexdigest().upper()}'" in command()
+    assert len(render_receiver()) <= 65536
+
+
+@pytest.mark.parametrize("shell", ["pwsh", "powershell"])
+def test_command_fits_and_means_same_to_every_shell(shell: str) -> None:
+    words = RemotePowerShell(shell).words()
+
+    assert len(f'cmd.exe /c "{" ".join(words)}"') < LONGEST_COMMAND
+    assert len(words[-1]) < LONGEST_LOADER
+    assert all(re.fullmatch(r"[A-Za-z0-9.+/=-]+", word) for word in words)
+    assert b64decode(words[-1]).decode("utf-16-le") == command()
+
+
+@pytest.mark.parametrize(
+    ("line", "answers", "other"),
+    [
+        (f"rarms-receiver/1 ready {__version__}", True, ""),
+        ("rarms-receiver/1 ready 0.0.9", True, "0.0.9"),
+        ("rarms-receiver/1 has 0.0.8 0.0.9", True, "0.0.8 0.0.9"),
+        ("rarms-receiver/1 has ", True, "none"),
+        ("rarms-bootstrap/1 ready", False, ""),
+        ("a banner", False, ""),
+    ],
+)
+def test_an_installed_module_of_another_version_is_named(line: str, answers: bool, other: str) -> None:
+    there = RemotePowerShell("powershell", Receiver.INSTALLED)
+
+    assert there.is_answer(line) is answers
+    if answers:
+        assert there.other_versions(line) == other
+
+
+def test_installed_module_gets_no_receiver() -> None:
+    there = RemotePowerShell("powershell", Receiver.INSTALLED)
+    sent = RemotePowerShell("powershell").frame(BUNDLE, ("-AsJson",))
+
+    words = there.words()
+    data = there.frame(BUNDLE, ("-AsJson",))
+
+    assert "-EncodedCommand" not in words
+    assert words[words.index("-File") + 1] == '"C:\\Program Files\\WindowsPowerShell\\Modules\\Rarms\\receive.ps1"'
+    assert words[-2:] == ("-Version", __version__)
+    assert sent == b"%08d" % len(render_receiver()) + render_receiver() + data
+
+
+def test_no_target_is_an_option_of_ssh() -> None:
+    words = ssh_words(Connect(ssh="-oProxyCommand=evil"))
+
+    assert words[-2:] == ("--", "-oProxyCommand=evil")
+
+
+def test_what_connect_says_comes_ahead_of_the_target() -> None:
+    connect = Connect(
+        ssh="ann@cell", port=2222, key="/keys/the cell", jump="gate.example", control_path="~/.ssh/rarms-%C"
+    )
+
+    words = ssh_words(connect)
+
+    options = dict(word.split("=") for word in words[1 : words.index("--")] if "=" in word)
+    assert options["Port"] == "2222"
+    assert options["IdentityFile"] == '"/keys/the cell"'
+    assert options["ProxyJump"] == "gate.example"
+    assert (options["ControlPath"], options["ControlMaster"]) == ("~/.ssh/rarms-%C", "auto")
+
+
+def test_frame_begins_with_lengths_and_digests() -> None:
+    data = THERE.frame(BUNDLE, ("-AsJson",))
+    receiver = render_receiver()
+    assert data.startswith(b"%08d" % len(receiver) + receiver)
+    data = data[8 + len(receiver) :]
+
+    length = int(data[:8])
+    first, second = hashlib.sha256(b"do\r\n").hexdigest(), hashlib.sha256(b"undo\r\n").hexdigest()
+    assert data[8 : 8 + length].decode() == f"-AsJson\ncell.ps1 4 {first}\ncell.undo.ps1 6 {second}"
+    assert data[8 + length :] == b"do\r\nundo\r\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n", "Rarms/a.ps1", "Rarms.psd1"]
+)
+def test_name_that_is_no_scripts_is_not_sent(name: str) -> None:
+    with pytest.raises(ValueError, match="name"):
+        THERE.frame(ScriptBundle(runs=name, files={name: "x"}), ())
+
+
+def test_module_goes_into_folder_of_its_own() -> None:
+    data = THERE.frame(
+        ScriptBundle(runs="a.ps1", files={"a.ps1": "x", "Rarms/Rarms.psm1": "y", "Rarms/Rarms.psd1": "z"}), ()
+    )
+
+    assert data.endswith(b"xzy")
+
+
+@pytest.mark.parametrize(
+    ("waits", "abandoning", "expected"),
+    [
+        (WaitLimits(), False, ("-AsJson", "-Force")),
+        (WaitLimits(lock_ms=1), False, ("-AsJson", "-Force", "-LockTimeout", "1")),
+        (WaitLimits(lock_ms=60_000), True, ("-AsJson", "-Force", "-LockTimeout", "60", "-Abandon")),
+        (WaitLimits(lock_ms=10**15), False, ("-AsJson", "-Force", "-LockTimeout", "999999")),
+    ],
+)
+def test_arguments_are_those_that_the_bootstrap_takes(
+    waits: WaitLimits, abandoning: bool, expected: tuple[str]
+) -> None:
+    arguments = arguments_of(waits, abandoning=abandoning)
+    pattern = re.search(r"-cmatch '(\^\( .*?\$)'", render_receiver().decode("ascii"))
+
+    assert arguments == expected
+    assert pattern
+    assert re.fullmatch(pattern[1], " ".join(arguments))

@@ -1,12 +1,20 @@
 """From observations to states: rights, schedulers, marks, task classes, journals."""
 
+import json
+from dataclasses import replace
+from typing import Any
+
 import pytest
 
+from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.run import SampleCount, Samples, TimeField
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
-from rarms_iac.providers.hyperv.condition import findings_of
-from rarms_iac.providers.hyperv.observation import HostObservation, Unread
+from rarms_iac.model.system import run_of
+from rarms_iac.providers.hyperv.condition import condition_of, findings_of
+from rarms_iac.providers.hyperv.guest_samples import FORMAT, GuestRun
+from rarms_iac.providers.hyperv.observation import HostObservation, Unread, is_observation, or_else
 from rarms_iac.providers.hyperv.parse import (
     UnusableJournal,
     last_run,
@@ -16,9 +24,11 @@ from rarms_iac.providers.hyperv.parse import (
     tasks_of,
     to_state,
 )
+from rarms_iac.providers.measuring import PartitionWork, Work
 from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable
-from tests.recorded_hosts import document, recorded, unread
+from tests.builders import a_component, at_least, at_most
+from tests.recorded_hosts import NAMES, document, read_observation, recorded, recorded_bytes, unread
 
 
 def test_the_facts_of_a_server() -> None:
@@ -219,3 +229,227 @@ def test_mixed_cores_are_told(cores: int, logical: int, kinds: list[tuple[int, i
     found = to_state(recorded("empty-host", hypervisor=whole, processors=[socket]), "cell").facts.processor_kinds
 
     assert [(kind.processors, kind.threads) for kind in found] == kinds
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_recorded_answer_is_read(name: str) -> None:
+    seen = recorded(name)
+
+    assert seen.computer
+    assert is_observation(document(name))
+
+
+def test_redirected_by_windows_powershell_it_says_the_same() -> None:
+    redirected = recorded_bytes("redirected-by-windows-powershell")
+
+    assert redirected.startswith(b"\xff\xfe{\0")
+    assert read_observation(redirected) == recorded("empty-host")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_no_encoding_that_a_powershell_writes_is_lost(encoding: str) -> None:
+    text = json.dumps(document("client-with-root-scheduler"))
+
+    assert read_observation(text.encode(encoding)) == recorded("client-with-root-scheduler")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_what_profile_says_around_document_is_skipped(encoding: str) -> None:
+    line = json.dumps(document("client-with-root-scheduler"), separators=(",", ":"))
+    noisy = f"Welcome, administrator\r\n{line}\r\nWARNING: {{ goodbye\r\n"
+
+    assert read_observation(noisy.encode(encoding)) == recorded("client-with-root-scheduler")
+
+
+def test_a_probe_is_a_value_absent_or_denied() -> None:
+    seen = recorded("unprivileged-caller")
+
+    assert seen.machines == ()
+    assert isinstance(seen.hypervisor, Unread)
+    assert seen.hypervisor.status == "denied"
+    assert isinstance(seen.records, Unread)
+    assert seen.records.status == "absent"
+    assert or_else(seen.records, ()) == ()
+
+
+def test_an_older_script_did_not_look() -> None:
+    answer = document("empty-host")
+    del answer["execution_policy"]
+
+    seen = read_observation(json.dumps(answer).encode())
+
+    assert isinstance(seen.execution_policy, Unread)
+    assert seen.execution_policy.error == "NotLookedFor"
+
+
+def changed(path: str, value: Any) -> bytes:
+    """The server's answer with one value in another place; None takes it away."""
+    answer = document("server-2022-with-strangers")
+    at: Any = answer
+    *way, last = path.split("/")
+    for word in way:
+        at = at[int(word) if word.isdigit() else word]
+    if value is None:
+        del at[last]
+    else:
+        at[last] = value
+    return json.dumps(answer).encode()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "where"),
+    [
+        ("format", "rarms-observation/2", "format"),
+        ("computer", 7, "the document"),
+        ("bitlocker", {"status": "value", "value": 1}, "bitlocker"),
+        ("elevated", True, "elevated"),
+        ("elevated", {"status": "perhaps"}, "elevated.status"),
+        ("elevated", {"status": "value", "value": 1}, "elevated.value"),
+        ("elevated", {"status": "value"}, "elevated.status"),
+        ("machines", {"status": "value", "value": {}}, "machines.value"),
+        ("machines/value/0/reserve", "10", "machines.value[0].reserve"),
+        ("machines/value/0/reserve", None, "machines.value[0].reserve"),
+        ("machines/value/0/colour", "red", "machines.value[0].colour"),
+        ("machines/value/1/id", "1c7f29d8-5a10-4f6e-9a57-7f6d0c2b8e11", "machines.value"),
+        ("journal", {"status": "denied"}, "journal.error"),
+    ],
+)
+def test_foreign_output_is_refused_with_place(path: str, value: Any, where: str) -> None:
+    with pytest.raises(NotDecodable) as refused:
+        read_observation(changed(path, value))
+
+    assert str(refused.value).startswith(f"{where}: ")
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff\xfe\0", b"\xff", b"[]", b"{}", b"powershell is not recognized", b"{" * 9])
+def test_what_is_no_observation_is_refused(data: bytes) -> None:
+    with pytest.raises(NotDecodable):
+        read_observation(data)
+
+
+def test_every_probe_is_read() -> None:
+    from rarms_iac.powershell.templates import template_text
+
+    text = template_text("observe.ps1").split("$document = ")[1]
+    probes = {
+        line.split(" = ")[0].strip()
+        for line in text.splitlines()
+        if line.startswith("    ") and line[4] != " " and " = Get-Probe" in line
+    }
+
+    assert probes == set(HostObservation.__dataclass_fields__) - {"computer", "script_running"}
+
+
+STRANGERS = "server-2022-with-strangers"
+GROUP = "36ab08cb-3a76-4b38-992e-000000000002"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_recorded_host_has_a_condition(name: str) -> None:
+    seen = recorded(name)
+
+    assert condition_of(seen).powershell is not None
+
+
+def machine(of: HostCondition, id_: str) -> MachineCondition:
+    (found,) = [machine for machine in of.machines if machine.id == id_]
+    return found
+
+
+def an_id() -> str:
+    return condition_of(recorded(STRANGERS)).machines[0].id
+
+
+def cpu_group(seen: HostObservation) -> str:
+    (found,) = [partition.cpu_group for partition in to_state(seen, "cell").partitions if partition.id == an_id()]
+    return found
+
+
+@pytest.mark.parametrize("group", [GROUP, GROUP.upper(), "{" + GROUP + "}"])
+def test_group_of_machine_is_found_by_its_instance(group: str) -> None:
+    setting = {"instance": f"Microsoft:{an_id().upper()}\\b637f346-6a0e-4dec-af52-bd70cb80a21d\\0", "group": group}
+    seen = recorded(STRANGERS, cpu_groups=[{**setting, "reservation": 0}])
+
+    assert cpu_group(seen) == GROUP
+
+
+@pytest.mark.parametrize("group", ["", "00000000-0000-0000-0000-000000000000"])
+def test_no_group_is_no_group(group: str) -> None:
+    setting = {"instance": f"Microsoft:{an_id()}\\0", "group": group, "reservation": 0}
+
+    assert cpu_group(recorded(STRANGERS, cpu_groups=[setting])) == ""
+
+
+def test_policies_of_later_scopes_are_left_out() -> None:
+    policies = [{"scope": "MachinePolicy", "policy": "AllSigned"}, {"scope": "Fleet", "policy": "Restricted"}]
+
+    seen = recorded(STRANGERS, execution_policy=policies)
+
+    assert condition_of(seen).policies == {PolicyScope.MACHINE_POLICY: "AllSigned"}
+
+
+@pytest.mark.parametrize(("status", "message"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
+def test_what_was_not_read_is_said_with_reason(status: str, message: str) -> None:
+    found = condition_of(unread(STRANGERS, "cpu_groups", "numa", status=status))
+
+    assert found.numa_nodes is None
+    assert {name: found.unread[name] for name in ("the CPU groups", "the NUMA nodes")} == {
+        "the CPU groups": message,
+        "the NUMA nodes": message,
+    }
+
+
+def test_no_module_is_known_to_be_none() -> None:
+    assert condition_of(recorded(STRANGERS, module=[])).module == ()
+
+
+@pytest.mark.parametrize(
+    ("index", "failure"), [("mean_response_time", "it ended with exit code 2"), ("success_rate", "")]
+)
+def test_exit_code_is_a_failure_without_success_rate(index: str, failure: str) -> None:
+    component = a_component(apt={index: at_least(95) if index == "success_rate" else at_most(50)})
+    work = Work(
+        application="robot",
+        partitions=(PartitionWork(partition="p1", components=(component,)),),
+        until={"vision": SampleCount(samples=1)},
+        seed=0,
+    )
+    seen = iter(
+        json.dumps({"format": FORMAT, "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
+        for text in ("started 10000", "ended 10000 50000 2")
+    )
+
+    ((_, sample),) = GuestRun(next_line=lambda: next(seen), setting="1", work=work).samples()
+
+    assert (sample.successful, sample.failure) == (False, failure)
+
+
+def test_guest_skips_and_refuses_lines_that_host_does() -> None:
+    samples = Samples(source="pattern", pattern="took (?P<t>[0-9.]+)", response_time=TimeField(field="t", unit="ms"))
+    component = a_component(run=replace(run_of(a_component()), samples=samples, failures=9))
+    work = Work(
+        application="robot",
+        partitions=(PartitionWork(partition="p1", components=(component,)),),
+        until={"vision": SampleCount(samples=3)},
+        seed=0,
+    )
+    seen = iter(
+        json.dumps({"format": FORMAT, "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
+        for text in (
+            "started 10000",
+            "line 20000 loading",
+            "ended 10000 50000 2",
+            "started 10000",
+            "line 20000 took 1.5e3",
+            "line 30000 took 12ms",
+        )
+    )
+
+    found = [sample for _, sample in GuestRun(next_line=lambda: next(seen), setting="1", work=work).samples()]
+
+    assert [sample.failure for sample in found] == [
+        'it ended with exit code 2; 1 line did not match the pattern ("loading")',
+        'the field "t" is "1.5", and only a part of "1.5e3"',
+        "",
+    ]
+    assert found[-1].response_ms == 12

@@ -1,23 +1,30 @@
+"""The log of tuning: a run comes back as it was written, is not written twice, and damage is told."""
+
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 
 from rarms_iac.model.series import Sample
 from rarms_iac.storage.append import append
 from rarms_iac.storage.datalog.columns import as_recorded, line_of
+from rarms_iac.storage.datalog.decisions import Chosen, append_run, last_chosen, read_entries, read_runs, tuning_path
 from rarms_iac.storage.datalog.files import (
     HEADER_FIELD,
     LogUnreadable,
     append_setting,
     append_to_log,
+    configuration_path,
     log_path,
     read_log,
 )
 from rarms_iac.storage.datalog.log import Recorded
-from tests.builders_measured import TAKEN, a_header, a_series, a_setting
+from scripts.file_schemas import data_log_schema
+from tests.builders_measured import PROVEN, TAKEN, TUNED, a_bench, a_header, a_series, a_setting, a_subject
 from tests.measuring import the_log
 
 
@@ -142,3 +149,63 @@ def test_another_version_is_told(tmp_path: Path) -> None:
 
     with pytest.raises(LogUnreadable, match="rarms-datalog/9"):
         read_log(path)
+
+
+def chosen(reserve: int = 62) -> Chosen:
+    return Chosen(
+        component="vision",
+        when="2027-01-31T12:00:00Z",
+        rarms_version="0",
+        apt={"mean_response_time": "at most 100 ms"},
+        partition="vision",
+        reserve=reserve,
+        task="ObjectIdentification",
+        data_log="measurements/onboard/vision/busy-loop.jsonl",
+        identity="0" * 64,
+        setup=a_subject().setup,
+        platform_facts=a_bench(),
+    )
+
+
+def test_entries_read_back_and_the_last_choice_holds(tmp_path: Path) -> None:
+    path = configuration_path(tmp_path, "onboard", "vision")
+    for entry in (chosen(62), chosen(70), PROVEN):
+        append_to_log(path, entry)
+
+    entries = read_entries(path)
+
+    assert entries == (chosen(62), chosen(70), PROVEN)
+    assert last_chosen(entries) == chosen(70)
+    assert last_chosen(()) is None
+    assert read_entries(tmp_path / "none.jsonl") == ()
+
+
+def test_log_lines_follow_the_schema(tmp_path: Path) -> None:
+    validator = jsonschema.Draft202012Validator(data_log_schema())
+    path = a_file(tmp_path, 10, 70)
+    whole = replace(a_setting(80), processors=2, used_processors=1, spent_ms=12.5)
+    append_setting(path, a_header(), Recorded(setting=whole, provenance=TAKEN))
+    lines = [json.loads(line) for line in path.read_text(encoding="ascii").splitlines()]
+
+    for line in lines:
+        validator.validate(line)
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate({**lines[1], "reserve": 0})
+
+
+def test_runs_come_back_in_order(tmp_path: Path) -> None:
+    path, later = tuning_path(tmp_path, "two-core"), replace(TUNED, after=180)
+    assert read_runs(path) == ()
+    append_run(path, TUNED)
+    append_run(path, later)
+
+    assert path == tmp_path / "measurements" / "two-core" / "tuning.jsonl"
+    assert read_runs(path) == (TUNED, later)
+
+
+def test_repeated_run_is_not_written(tmp_path: Path) -> None:
+    path = tuning_path(tmp_path, "two-core")
+    append_run(path, TUNED)
+    append_run(path, replace(TUNED, when="2026-11-22T12:00:00Z", rarms_version="2"))
+
+    assert read_runs(path) == (TUNED,)

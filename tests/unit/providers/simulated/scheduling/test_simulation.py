@@ -4,7 +4,9 @@ from itertools import islice, pairwise
 
 import pytest
 
-from rarms_iac.model.loads import BusyLoop
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, CommandLoad
+from rarms_iac.providers.simulated.measuring import demand_of, model_load
+from rarms_iac.providers.simulated.scheduling.hypervisor import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     BurstLoads,
@@ -15,6 +17,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
+from tests.builders import a_component, a_run, a_simulation
 
 
 def face_detection(varies: float = 0) -> JobDemand:
@@ -197,3 +200,100 @@ def test_restarted_load_gives_p1_nothing_extra() -> None:
             seen += demand.work_ms
 
     assert seen / (starts * counted_ms) == pytest.approx(0.10, rel=0.08)
+
+
+def test_two_equal_threads_of_one_system_take_turns() -> None:
+    job = JobDemand(component="job", work_ms=100)
+    system = VirtualMachine(name="os", vps=1, components=(job,), loads=(BusyLoop(threads=1),))
+
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 40))
+
+    assert (jobs[-1].began + jobs[-1].response) / 40 == pytest.approx(200, rel=0.02)
+
+
+def test_a_thread_that_wakes_has_a_whole_turn() -> None:
+    """20 ms of work after a wait are less than a turn: once it runs, each job is done without a second wait."""
+    shy = JobDemand(component="shy", work_ms=20, blocked_ms=30)
+    system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoop(threads=1),))
+
+    responses = [job.response for job in islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 40)]
+
+    assert all(50.0 <= response <= 50.0 + QUANTUM_MS for response in responses)
+
+
+def test_ready_thread_keeps_its_turn() -> None:
+    """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
+    steady = JobDemand(component="steady", work_ms=20)
+    system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoop(threads=1),))
+
+    *_, last = islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 200)
+
+    assert (last.began + last.response) / 200 == pytest.approx(40.0, rel=0.02)
+
+
+def test_higher_thread_never_waits_for_lower_one() -> None:
+    urgent = JobDemand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
+    system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoop(threads=3),))
+
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,)), 1), 10))
+
+    assert {round(job.response, 6) for job in jobs} == {25.0}
+
+
+def test_interrupts_take_their_share_from_highest_thread_too() -> None:
+    job = JobDemand(component="job", work_ms=30, priority=31)
+    system = VirtualMachine(name="os", vps=1, reserve=100, components=(job,))
+
+    jobs = list(islice(SchedulerSimulation(ModelMachine(lps=1, machines=(system,), interrupts=25), 1), 200))
+
+    assert (jobs[-1].began + jobs[-1].response) / 200 == pytest.approx(40, rel=0.03)
+
+
+def test_more_than_there_is_cannot_be_reserved() -> None:
+    greedy = VirtualMachine(name="greedy", vps=2, reserve=80)
+
+    with pytest.raises(ValueError, match="160 % of one LP are reserved, and 1 LPs have 100 %"):
+        ModelMachine(lps=1, machines=(greedy,))
+
+
+def test_a_name_stands_for_one_thing() -> None:
+    machine = VirtualMachine(name="P1", vps=1)
+
+    with pytest.raises(ValueError, match="a name stands twice in P1, P1"):
+        ModelMachine(lps=1, machines=(machine, machine))
+
+
+def test_a_component_s_simulation_is_its_demand() -> None:
+    asked = a_simulation(work="61.6 ms", blocked="26.4 ms", varies="5 %", threads=2, within="400 ms")
+    wanted = JobDemand(
+        component="vision",
+        work_ms=61.6,
+        blocked_ms=26.4,
+        varies=5.0,
+        threads=2,
+        success_within_ms=400.0,
+        timeout_ms=5000.0,
+        priority=24,
+    )
+
+    assert demand_of(a_component("vision", run=a_run(timeout="5 s"), simulation=asked), priority=24) == wanted
+
+
+def test_a_periodic_component_keeps_its_period() -> None:
+    video = a_component(run=a_run(every="33 ms"), simulation=a_simulation())
+
+    assert demand_of(video).period_ms == 33.0
+
+
+def test_bursts_without_duty_take_what_their_partition_reserves() -> None:
+    assert model_load(LOADS_WITHOUT_ENTRY["bursts-50"], 80) == BurstLoads(burst_ms=40.0, gap_ms=10.0)
+    assert model_load(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
+
+
+@pytest.mark.parametrize("load", [BusyLoop(), BusyLoop(threads=3), Browser(instances=5)])
+def test_a_load_that_the_model_knows_is_itself(load: BusyLoop | Browser) -> None:
+    assert model_load(load) == load
+
+
+def test_unknown_program_never_waits() -> None:
+    assert model_load(CommandLoad(command=("stress",), instances=2)) == BusyLoop(threads=2)
