@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Generator, Iterator, Sequence
 from typing import Any
 
@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, settings
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.providers.interface import HostError
 from tests import needs
-from tests.effort import LONG, TRIED, Attempt, examples
+from tests.effort import LONG, examples
 
 # The usual run tries the same examples everywhere, so that a failure is one for everybody; the long run explores.
 settings.register_profile(
@@ -73,16 +73,6 @@ def _no_message_without_a_reason() -> Iterator[None]:
         yield
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Has a test's report carry what it tried, also from another process."""
-    TRIED.clear()
-    try:
-        yield
-    finally:
-        item.user_properties.extend(TRIED.items())
-
-
 _PROCESSOR_S = "processor_s"
 _last_s = [0.0]  # processor time of this process and of its ended children when the last phase ended
 _SHOWN_FILES = 8
@@ -124,16 +114,6 @@ def _processor_time(reporter: pytest.TerminalReporter) -> list[str]:
     return [f"Processor time of the tests: {sum(files.values()):.0f} s, most of it in:", *most]
 
 
-def _tried(reporter: pytest.TerminalReporter) -> str:
-    """How often the run did each thing that is to harm rarms; empty: never."""
-    reports = [report for name in ("passed", "failed") for report in reporter.stats.get(name, [])]
-    counts: Counter[str] = Counter()
-    for report in reports:
-        if report.when == "call":
-            counts.update({name: number for name, number in report.user_properties if name in set(Attempt)})
-    return ", ".join(f"{counts[attempt]:,} {attempt}" for attempt in Attempt if counts[attempt])
-
-
 def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
     return str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
 
@@ -155,9 +135,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Print how often faults were caused, where the processor time went, and the skips that failed the run."""
-    if tried := _tried(terminalreporter):
-        terminalreporter.write_line(f"Tried: {tried}.")
+    """Print where the processor time went, and the skips that failed the run."""
     for line in _processor_time(terminalreporter):
         terminalreporter.write_line(line)
     if avoidable := _avoidable(config):

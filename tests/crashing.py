@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from rarms_iac.storage import disk
-from tests.effort import Attempt, tried
 
 KILLED = 137
 
@@ -35,7 +34,6 @@ def end_process() -> NoReturn:
 
 
 def crash() -> NoReturn:
-    tried(Attempt.KILL)
     raise Crash
 
 

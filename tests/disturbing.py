@@ -26,7 +26,6 @@ import pytest
 from rarms_iac.storage import disk
 from rarms_iac.storage.lock import hold
 from tests.crashing import CrashingDisk, When
-from tests.effort import Attempt, tried
 from tests.fake_powershell import program as powershell
 from tests.unit.cli.running import rarms
 
@@ -137,9 +136,8 @@ def end_of(folder: Path, words: Sequence[str]) -> tuple[End, Sequence[str]]:
 
 def end_after(folder: Path, words: Sequence[str], faults: Sequence[Fault], wanted: End) -> End:
     """Run a command with one fault after the other, then again until it is as `wanted` or the user gives up."""
-    met = [disturb(folder, words, fault) for fault in faults]
-    if len(faults) > 1 and all(met):
-        tried(Attempt.PAIR)
+    for fault in faults:
+        disturb(folder, words, fault)
     found = None
     for _ in range(ATTEMPTS):
         with disk.use(CrashingDisk(0)):  # without flushes, which take long
@@ -150,20 +148,15 @@ def end_after(folder: Path, words: Sequence[str], faults: Sequence[Fault], wante
     return found
 
 
-def disturb(folder: Path, words: Sequence[str], fault: Fault) -> bool:
-    """Run a command with a fault; whether it came as far as that."""
+def disturb(folder: Path, words: Sequence[str], fault: Fault) -> None:
+    """Run a command with a fault, if it comes as far as that."""
     at, disturbance = fault
     if disturbance in KILLS:
-        was_met = _run_killed(folder, words, at, KILLS[disturbance])
-    else:
-        when, number = ERRORS[disturbance]
-        failing = CrashingDisk(at, when, lambda: fail(number))
-        with _disturbing(folder, failing):
-            _run(folder, words)
-        was_met = len(failing.effects) >= at
-    if was_met:
-        tried(Attempt.KILL if disturbance in KILLS else Attempt.FAILED_CALL)
-    return was_met
+        _run_killed(folder, words, at, KILLS[disturbance])
+        return
+    when, number = ERRORS[disturbance]
+    with _disturbing(folder, CrashingDisk(at, when, lambda: fail(number))):
+        _run(folder, words)
 
 
 def fail(number: int) -> NoReturn:
@@ -178,15 +171,14 @@ def _run(folder: Path, words: Sequence[str]) -> int:
     return answer.code
 
 
-def _run_killed(folder: Path, words: Sequence[str], at: int, when: When) -> bool:
+def _run_killed(folder: Path, words: Sequence[str], at: int, when: When) -> None:
     """In a process of its own: SIGKILL lets nothing clean up, and gives back every lock."""
     child = os.fork()
     if not child:
         with suppress(BaseException), _disturbing(folder, CrashingDisk(at, when, _kill_this_process)):
             _run(folder, words)
         os._exit(0)
-    _, status = os.waitpid(child, 0)
-    return os.WIFSIGNALED(status)
+    os.waitpid(child, 0)
 
 
 def _kill_this_process() -> NoReturn:

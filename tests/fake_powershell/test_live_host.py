@@ -26,7 +26,7 @@ from rarms_iac.providers.interface import (
 from rarms_iac.storage.plan_file import signed as sign_plan
 from rarms_iac.storage.script_signature import is_signed_script
 from tests.builders import a_host, codes
-from tests.effort import Attempt, every_few, tried
+from tests.effort import every_few
 from tests.fake_powershell.cell import apply_script, files_of
 from tests.fake_powershell.cells import everything, fresh
 from tests.fake_powershell.host import Entry, WindowsHost
@@ -158,7 +158,6 @@ def test_killed_signed_run_is_finished_from_journal(tmp_path: Path) -> None:
     for number in every_few(effects, 2):
         host = prepared.copy(all_signed=True, kill_after=number)
         live(host, signatures=tmp_path).run_script(own, NO_WAITING, Heard())
-        tried(Attempt.SIGNED)
         host = host.copy()
         run = live(host, signatures=tmp_path).journal()
         bundle, signatures = own, tmp_path

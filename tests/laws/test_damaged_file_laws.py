@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.storage.digest import digest
 from rarms_iac.views.finding_forms import OutputFormat
-from tests.effort import LONG, Attempt, examples, tried
+from tests.effort import LONG, examples
 from tests.files import copy_files
 from tests.fluid import without_scheduler
 from tests.robots import CELL
@@ -208,7 +208,6 @@ def damage(
     folder: Path, name: str, number: int, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any
 ) -> None:
     """Change one value of a file of `READERS`; of a log a value of this record."""
-    tried(Attempt.DOCUMENT)
     file = folder / name
     if name.endswith(".jsonl"):
         damage_line(file, number, draw, new)
@@ -409,7 +408,6 @@ def test_what_is_no_regular_file_is_a_finding(cell: Path, tmp_path: Path, file: 
         copy_files(cell, folder)
         (folder / file).unlink(missing_ok=True)
         place(folder / file)
-        tried(Attempt.DOCUMENT)
         with chdir(folder), in_time():
             check(rarms(*commands[number % len(commands)]))
 
@@ -424,7 +422,6 @@ def test_nothing_is_written_through_a_link(cell: Path, tmp_path: Path, file: str
         victim.write_bytes(content)
         (folder / file).unlink(missing_ok=True)
         (folder / file).symlink_to(victim)
-        tried(Attempt.DOCUMENT)
         with chdir(folder), in_time():
             check(rarms(*words))
         assert victim.read_bytes() == content, words

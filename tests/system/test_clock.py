@@ -13,7 +13,7 @@ from rarms_iac.measuring import remeasuring
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import End, look
-from tests.effort import LONG, Attempt, tried
+from tests.effort import LONG
 from tests.fluid import without_scheduler
 from tests.robots import CELL
 from tests.unit.cli.running import rarms
@@ -74,7 +74,6 @@ def test_a_clock_that_jumps_back_changes_no_end(tmp_path: Path, clock: type[Fall
     right = walk(tmp_path / "right", timedelta(days=0))
     assert set(right[0]) <= {0, 4}
     for number, step in enumerate(STEPS if LONG else STEPS[1:2]):
-        tried(Attempt.CLOCK, len(ROUTE))
         assert walk(tmp_path / str(number), step) == right, step
         assert clock.back > len(ROUTE) * step
 
@@ -85,7 +84,6 @@ def test_undone_proof_stays_undone_after_clock_jump(tmp_path: Path, clock: type[
         for words in (*ROUTE[:5], ("undo", "--auto-approve")):
             clock.step = timedelta(days=1)
             assert rarms(*words).code in {0, 4}, words
-        tried(Attempt.CLOCK)
 
         shown = " ".join(rarms("status").out.split())
 

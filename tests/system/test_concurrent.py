@@ -23,7 +23,7 @@ from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
 from tests.builders import a_host
 from tests.crashing import CrashingDisk
-from tests.effort import LONG, Attempt, tried
+from tests.effort import LONG
 from tests.unit.cli.running import rarms
 
 PROCESSES, APPLIES = (20, 50) if LONG else (4, 3)
@@ -90,7 +90,6 @@ def test_many_processes_lose_nothing_and_have_one_order(tmp_path: Path) -> None:
         runs = follow_history(tmp_path, workers)
     plans = {name: worker.result() for name, worker in zip(names, workers, strict=True)}
 
-    tried(Attempt.RACE, len(runs))
     state = SimulatedHostProvider(a_host(), tmp_path / ".rarms" / "hosts" / "onboard.json").observe()
     assert dict(state.serials) == dict.fromkeys(names, APPLIES)
     assert {partition.settings.name: partition.settings.weight for partition in state.partitions} == dict.fromkeys(
@@ -125,7 +124,6 @@ def test_waiting_run_names_holder_and_follows_it(tmp_path: Path) -> None:
             holder.kill()
             _, talk = waiting.communicate(timeout=120)
 
-    tried(Attempt.RACE)
     assert refused.returncode == 3
     assert "bob@cell, process 7" in refused.stderr
     assert waiting.returncode == 0, talk

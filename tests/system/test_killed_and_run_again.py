@@ -11,7 +11,6 @@ from rarms_iac.applying import refusals
 from rarms_iac.model.version import __version__
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
-from tests.effort import Attempt, tried
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -114,7 +113,6 @@ def test_killed_init_is_run_again(tmp_path: Path) -> None:
         folder = tmp_path / str(at)
         with disk.use(CrashingDisk(at, When.HALF)), pytest.raises(Crash):
             rarms("init", str(folder))
-        tried(Attempt.KILL)
 
         if not (folder / "rarms.yaml").exists():
             assert rarms("init", str(folder)).code == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rarms_iac.storage import disk
 from tests.crashing import KILLED, CrashingDisk
-from tests.effort import LONG, Attempt, tried
+from tests.effort import LONG
 from tests.files import copy_files
 from tests.needs import CHECKOUT
 from tests.robots import a_measured, a_robot_of
@@ -61,7 +61,6 @@ def test_killed_anywhere_next_command_starts_what_was_stopped(tmp_path: Path) ->
     for at in range(1, effects, 1 if LONG else max(1, effects // TRIED)):
         folder = copy_files(applied, tmp_path / f"killed-{at}")
         assert killed(folder, *MEASURE, at=at) == KILLED
-        tried(Attempt.KILL)
         left_stopped += ("off", True) in machines(folder).values()
         words = next(after)
 

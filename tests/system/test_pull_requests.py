@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -97,9 +98,39 @@ def test_pre_commit_refuses_what_validate_refuses_and_formats(rarms_repository: 
     assert "cell/rarms.yaml:13:" in wrong.stdout
 
 
-class Comments(BaseHTTPRequestHandler):
-    """GitHub's comments on one pull request, as far as the action asks."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forge:
+    """What a server calls its comments, as far as the script asks."""
 
+    marker: str  # in a comment of a stranger
+    comments: str  # the path of one of them begins so
+    author: str
+    author_key: tuple[str, str]  # of the stranger's comment
+    header: tuple[str, str]
+    posts_to: str = ""
+
+
+GITHUB = Forge(
+    marker="cell/rarms.yaml",
+    comments="/repos/team/cell/issues/comments/",
+    author="github-actions[bot]",
+    author_key=("user", "login"),
+    header=("Authorization", "Bearer t0ken"),
+)
+GITLAB = Forge(
+    marker="cell",
+    comments="/api/v4/projects/12/merge_requests/7/notes/",
+    author="project_bot",
+    author_key=("author", "username"),
+    header=("PRIVATE-TOKEN", "t0ken"),
+    posts_to="/api/v4/projects/12/merge_requests/7/notes",
+)
+
+
+class Comments(BaseHTTPRequestHandler):
+    """The comments on one pull request; one of a stranger has our marker."""
+
+    forge: Forge
     kept: list[dict[str, Any]]
     read_only = False
     broken = False
@@ -108,21 +139,13 @@ class Comments(BaseHTTPRequestHandler):
         if self.broken:
             self._answer(500, {})
             return
-        first = self.path.endswith("&page=1")
-        stranger = {
-            "id": 1,
-            "body": "<!-- rarms plan: cell/rarms.yaml -->\nAll is well.",
-            "user": {"login": "stranger"},
-        }
-        self._answer(200, [stranger, *self.kept] if first else [])
+        stranger = {"id": 1, "body": f"<!-- rarms plan: {self.forge.marker} -->\nAll is well.", **self._by("stranger")}
+        self._answer(200, [stranger, *self.kept] if self.path.endswith("&page=1") else [])
 
     def do_POST(self) -> None:
-        comment = {
-            "id": 2 + len(self.kept),
-            **self._body(),
-            "html_url": "https://example.org/new",
-            "user": {"login": "github-actions[bot]"},
-        }
+        assert not self.forge.posts_to or self.path == self.forge.posts_to
+        comment = {"id": 2 + len(self.kept), **self._body(), "html_url": "https://example.org/new"}
+        comment |= self._by(self.forge.author)
         if self.read_only:
             self._answer(403, {})
             return
@@ -130,15 +153,22 @@ class Comments(BaseHTTPRequestHandler):
         self._answer(201, comment)
 
     def do_PATCH(self) -> None:
-        comment = next(each for each in self.kept if self.path.endswith(f"/issues/comments/{each['id']}"))
+        comment = next(each for each in self.kept if self.path == f"{self.forge.comments}{each['id']}")
         comment.update(self._body())
         self._answer(200, comment)
+
+    do_PUT = do_PATCH  # noqa: N815 - as http.server calls it
 
     def log_message(self, *_: object) -> None:
         """Say nothing."""
 
+    def _by(self, name: str) -> dict[str, dict[str, str]]:
+        key, inner = self.forge.author_key
+        return {key: {inner: name}}
+
     def _body(self) -> dict[str, Any]:
-        assert self.headers["Authorization"] == "Bearer t0ken"
+        name, value = self.forge.header
+        assert self.headers[name] == value
         body: dict[str, Any] = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         return body
 
@@ -149,9 +179,10 @@ class Comments(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def github(*, read_only: bool = False, broken: bool = False) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+def served(forge: Forge = GITHUB, **settings: object) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Serve a forge; its address, and the comments that it keeps."""
     kept: list[dict[str, Any]] = []
-    handler = type("Handler", (Comments,), {"kept": kept, "read_only": read_only, "broken": broken})
+    handler = type("Handler", (Comments,), {"forge": forge, "kept": kept, **settings})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}", kept
@@ -222,7 +253,7 @@ def test_action_environment_is_kept_while_unchanged(tmp_path: Path) -> None:
 
 def test_strangers_comment_with_marker_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     body = tmp_path / "rarms.md"
-    with github() as (api, comments):
+    with served() as (api, comments):
         settings = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "team/cell", "NUMBER": "7", "TOKEN": "t0ken"}
         for name, value in {**settings, "AUTHOR": "github-actions[bot]"}.items():
             monkeypatch.setenv(name, value)
@@ -239,7 +270,7 @@ def test_server_that_does_not_answer_is_one_line(
 ) -> None:
     body = tmp_path / "rarms.md"
     body.write_text("<!-- rarms plan: cell/rarms.yaml -->\n", encoding="utf-8")
-    with github(broken=True) as (api, _):
+    with served(broken=True) as (api, _):
         settings = {"GITHUB_API_URL": api if is_there else "http://127.0.0.1:1", "GITHUB_REPOSITORY": "team/cell"}
         for name, value in {**settings, "NUMBER": "7", "TOKEN": "t0ken", "AUTHOR": "github-actions[bot]"}.items():
             monkeypatch.setenv(name, value)
@@ -270,11 +301,11 @@ def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> Non
         (folder / "cell" / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
         return run_action(folder, temporary, api, installed=name != "first"), temporary
 
-    with github() as (api, comments):
+    with served() as (api, comments):
         first, _ = runner("30 %", api, "first")
         second, of_second = runner("90 %", api, "second")
         wrong, of_wrong = runner("190 %", api, "wrong")
-    with github(read_only=True) as (api, none):
+    with served(read_only=True) as (api, none):
         fork, of_fork = runner("30 %", api, "fork")
 
     assert first == dict.fromkeys(["Name the environment", "Install rarms", "Validate", "Plan", "Comment"], 0)
@@ -288,51 +319,6 @@ def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> Non
     assert "::error file=cell/rarms.yaml,line=13," in (of_wrong / "Validate.log").read_text(encoding="utf-8")
     assert none == []
     assert "may not comment" in (of_fork / "Comment.log").read_text(encoding="utf-8")
-
-
-class Notes(BaseHTTPRequestHandler):
-    """GitLab's notes on merge request 7 of project 12, as far as the comment's script asks."""
-
-    kept: list[dict[str, Any]]
-
-    def do_GET(self) -> None:
-        stranger = {"id": 1, "body": "<!-- rarms plan: cell -->\nAll is well.", "author": {"username": "stranger"}}
-        self._answer(200, [stranger, *self.kept] if self.path.endswith("&page=1") else [])
-
-    def do_POST(self) -> None:
-        assert self.path == "/api/v4/projects/12/merge_requests/7/notes"
-        note = {"id": 2 + len(self.kept), **self._body(), "author": {"username": "project_bot"}}
-        self.kept.append(note)
-        self._answer(201, note)
-
-    def do_PUT(self) -> None:
-        note = next(
-            each for each in self.kept if self.path == f"/api/v4/projects/12/merge_requests/7/notes/{each['id']}"
-        )
-        note.update(self._body())
-        self._answer(200, note)
-
-    def log_message(self, *_: object) -> None:
-        """Say nothing."""
-
-    def _body(self) -> dict[str, Any]:
-        assert self.headers["PRIVATE-TOKEN"] == "t0ken"
-        body: dict[str, Any] = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        return body
-
-    def _answer(self, code: int, value: Any) -> None:
-        self.send_response(code)
-        self.end_headers()
-        self.wfile.write(json.dumps(value).encode())
-
-
-@contextmanager
-def gitlab() -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    kept: list[dict[str, Any]] = []
-    with ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Notes,), {"kept": kept})) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/api/v4", kept
-        server.shutdown()
 
 
 def block_of(language: str, first: str) -> str:
@@ -383,7 +369,8 @@ def test_pipeline_for_gitlab_reports_and_keeps_one_note(rarms_repository: Path, 
     (tmp_path / "server" / "OWNER" / "rarms.git").symlink_to(rarms_repository)
     folder = a_cell_with_a_snapshot(tmp_path / "builds" / "cell")
     bodies: list[str] = []
-    with gitlab() as (api, notes):
+    with served(GITLAB) as (address, notes):
+        api = f"{address}/api/v4"
         known = {"CI_API_V4_URL": api, "CI_PROJECT_ID": "12", "CI_MERGE_REQUEST_IID": "7", "TOKEN": "t0ken"}
         known["CI_SERVER_URL"] = (tmp_path / "server").as_uri()
         own = {

@@ -218,22 +218,6 @@ def test_host_changed_since_look_is_not_touched(remote: Remote) -> None:
     assert remote.rarms("apply", "new.json").code == 0
 
 
-def test_machine_changed_since_look_is_not_overwritten(remote: Remote) -> None:
-    assert apply(remote).code == 0
-    change_manifest(remote, "reserve: 20 %", "reserve: 24 %")
-    remote.ask(meddles_with="vision")
-    refused = apply(remote)
-    remote.ask()
-
-    assert refused.code == 3, refused
-    assert "Nothing more was changed. Look with `rarms drift`. " in " ".join(refused.err.split())
-    drifted = remote.rarms("drift")
-    assert drifted.code == 2, drifted
-    assert "vision" in drifted.out
-    assert apply(remote).code == 0
-    assert is_as_wanted(remote)
-
-
 def test_machine_with_foreign_mark_is_adopted_as_recommended(remote: Remote) -> None:
     assert apply(remote).code == 0
     host = remote.host
@@ -304,22 +288,6 @@ def test_powershells_refusal_is_told(remote: Remote) -> None:
     assert "running scripts is disabled" in " ".join(failed.err.split())
 
 
-def test_abandoned_run_is_in_nobodys_way(remote: Remote) -> None:
-    remote.ask(step_ms=250)
-    running = remote.start("apply", "--auto-approve")
-    after_steps(remote, 2)
-    running.send_signal(signal.SIGINT)
-    assert finish(running).code == 130
-    remote.ask()
-    assert remote.rarms("plan", "--out", "plan.json").code == 3
-
-    abandoned = remote.rarms("apply", "--abandon")
-
-    assert abandoned.code == 0, abandoned
-    assert journal_of(remote)[-1]["closing"] == "abandoned"
-    assert remote.rarms("plan").code == 0
-
-
 def test_unreachable_host_is_told_in_sshs_words(remote: Remote) -> None:
     manifest = remote.folder / "rarms.yaml"
     manifest.write_text(MANIFEST.replace("ssh: cell", "ssh: nobody@127.0.0.1"), encoding="utf-8", newline="\n")
@@ -378,13 +346,3 @@ def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
 
     assert "stand-in" in STAND_IN
     assert STAND_IN in " ".join(remote.rarms("plan").err.split())
-
-
-def test_snapshot_plans_and_examines_as_live_host(remote: Remote) -> None:
-    assert remote.rarms("snapshot", "--out", "live.json").code == 0
-    seen = json.loads((remote.folder / "live.json").read_text(encoding="utf-8"))
-
-    assert seen["format"] == "rarms-observation/1"
-    assert remote.rarms("plan", "--snapshot", "live.json", "--json").out == remote.rarms("plan", "--json").out
-    there, written = remote.rarms("doctor", "--json"), remote.rarms("doctor", "--snapshot", "live.json", "--json")
-    assert (written.code, written.out) == (there.code, there.out)

@@ -21,7 +21,6 @@ from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.lock import read_holder
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.contracts.test_measuring_contract import JOBS
-from tests.effort import Attempt, tried
 from tests.remote import Ended, Remote, a_server, finish
 from tests.robot_breaks import break_at, breakable
 from tests.robot_install import install as install_robot
@@ -97,7 +96,6 @@ class Robot:
             where.unlink()
             assert ended.code == 0, ended
             return False
-        tried(Attempt.CUT if kind == "connection" else Attempt.KILL)
         assert ended.code == (-9 if kind == "here" else 1), ended
         said = "" if kind == "here" else "Run the same command again to continue."
         assert said in " ".join(ended.err.split()), ended

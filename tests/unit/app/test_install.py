@@ -20,7 +20,7 @@ from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.lock import hold
 from rarms_iac.storage.shipped import shipped_module, shipped_text
-from tests.effort import Attempt, every_few, tried
+from tests.effort import every_few
 from tests.robot_wheels import wheels_of
 
 KILLED = 137
@@ -144,7 +144,6 @@ def test_kill_at_any_effect_leaves_version_that_works(robot: Robot, monkeypatch:
             if number == 0:
                 robot.install("2.0")
             else:
-                tried(Attempt.KILL)
                 with pytest.raises(HostFailed) as failed:
                     robot.install("2.0")
                 assert f"exit code {KILLED}" in failed.value.message

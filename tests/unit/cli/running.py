@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from rarms_iac.cli.main import main
 from rarms_iac.storage import disk
 from tests.crashing import UnflushedDisk
-from tests.effort import Attempt, tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +37,6 @@ def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False, shown_at_a_
 
     Standard output is a file, unless it is shown at a terminal.
     """
-    tried(Attempt.TERMINAL, at_a_terminal)
     out, err = _stream(at_a_terminal=shown_at_a_terminal), _stream(at_a_terminal=at_a_terminal)
     used = UnflushedDisk() if type(disk.current()) is disk.FileEffects else disk.current()
     with disk.use(used), redirect_stdout(out), redirect_stderr(err), _reading(stdin, at_a_terminal=at_a_terminal):
