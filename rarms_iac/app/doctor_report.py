@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.app.doctor import Examinations, ExaminedHost
+from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect, ProviderKind, SchedulerType, WinRmConnect
+from rarms_iac.model.seen_host import PolicyScope, SeenHost
 from rarms_iac.model.state import Rights, RunState, Tie
 from rarms_iac.model.version import __version__
 
@@ -103,12 +103,12 @@ def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
         rarms=__version__,
         python=".".join(map(str, sys.version_info[:3])),
         system=sys.platform,
-        hosts=tuple(_host_summary(host, _connection(hosts, host.facts.name)) for host in examined.hosts),
+        hosts=tuple(_host_summary(host, _connection(hosts, host.name)) for host in examined.hosts),
         accepted=_by_code(examined.accepted),
     )
 
 
-def _host_summary(host: ExaminedHost, connection: Connection) -> HostSummary:
+def _host_summary(host: SeenHost, connection: Connection) -> HostSummary:
     facts, condition = host.facts, host.condition
     responsiveness = condition.responsiveness.data if condition.responsiveness else None
     module = condition.module
@@ -155,8 +155,8 @@ def _connection(hosts: Hosts, name: str) -> Connection:
             return "winrm"
 
 
-def _machines(host: ExaminedHost) -> MachineCounts:
-    partitions = host.partitions
+def _machines(host: SeenHost) -> MachineCounts:
+    partitions = host.state.partitions
     return MachineCounts(
         all=host.machines,
         managed=host.managed,

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import assert_never
 
-from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect, Host, HypervHost, LinuxHost, ProviderKind
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.names import is_name
+from rarms_iac.model.seen_host import Condition
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
 from rarms_iac.providers.channel import CommandChannel, ssh_channel
@@ -188,7 +188,7 @@ class Snapshot:
     computer: str
     state: State
     tasks: tuple[TaskClass, ...] = ()  # of the Windows that the script ran in
-    condition: HostCondition = HostCondition()
+    condition: Condition = Condition()
     findings: tuple[Diagnostic, ...] = ()  # what the provider finds odd
     unfinished: ScriptRun | None = None
     unread: HostFailed | None = None  # what a plan depends on and was not read, of a host

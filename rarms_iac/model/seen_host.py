@@ -1,13 +1,51 @@
 """A host as it was seen: the one value that the planner, the doctor, status, drift and reports pass on."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 
 from rarms_iac.model.capacity import Capacity, capacity_of, core_sharing, foreign_claimants
 from rarms_iac.model.claims import Claim, CoreSharing
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State
+
+
+class PolicyScope(StrEnum):
+    """Where an execution policy is set, in PowerShell's own words; the first that is set decides."""
+
+    MACHINE_POLICY = "MachinePolicy"
+    USER_POLICY = "UserPolicy"
+    PROCESS = "Process"
+    CURRENT_USER = "CurrentUser"
+    LOCAL_MACHINE = "LocalMachine"
+
+    @property
+    def is_group_policy(self) -> bool:
+        """Whether it outranks the policy that a PowerShell was started with."""
+        return self in {PolicyScope.MACHINE_POLICY, PolicyScope.USER_POLICY}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """Facts of a host that no plan needs, for `rarms doctor`; None: not read, and `unread` says why."""
+
+    powershell: str | None = None  # version of the PowerShell that looked: 5.1.26100.2161
+    bits: int | None = None  # of the process that looked
+    policies: Mapping[PolicyScope, str] = field(default_factory=dict)  # Restricted, RemoteSigned, ...
+    module: tuple[str, ...] | None = None  # versions of the Hyper-V module; empty: it is not installed
+    role: bool | None = None  # Windows has Hyper-V's WMI namespace
+    hypervisor_running: bool | None = None
+    counters: bool | None = None  # of the hypervisor, which prove contention
+    elevated: bool | None = None  # who looked: only such a one may change the host
+    hyperv_administrator: bool | None = None  # who looked is a member of that group
+    script_running: bool | None = None  # of rarms, on that host; only a look on the host itself tells
+    seen_processors: int | None = None  # logical processors that the host's own Windows sees
+    numa_nodes: int | None = None
+    responsiveness: RegistryValue | None = None  # SystemResponsiveness of the host's own Windows, where it is set
+    unread: Mapping[str, str] = field(default_factory=dict)  # what could not be looked at -> why
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,19 +55,41 @@ class SeenHost:
     `own` and all that is made of it are of one application. `unseen` makes the one of a host without a look.
     """
 
-    host: Host
-    application: str
-    state: State
+    host: Internal[Host]
+    application: Internal[str]
+    state: Internal[State]
+    condition: Condition = Condition()
+    findings: tuple[Diagnostic, ...] = ()  # the provider's; `rarms doctor` adds those of its checks
 
     @property
     def name(self) -> str:
         """The host's name in the manifest."""
         return self.host.name
 
-    @property
+    @output
     def facts(self) -> HostFacts:
         """Those that decisions rest on."""
         return self.state.facts
+
+    @output
+    def memory_left(self) -> int | None:
+        """Bytes that machines can still have; None: not known."""
+        return self.state.memory_left
+
+    @output
+    def machines(self) -> int:
+        """How many the host has."""
+        return len(self.state.partitions)
+
+    @output
+    def managed(self) -> int:
+        """How many of the machines are the application's."""
+        return len(self.own)
+
+    @output
+    def running(self) -> int:
+        """How many of all machines run."""
+        return sum(machine.settings.running for machine in self.state.partitions)
 
     @cached_property
     def own(self) -> tuple[Partition, ...]:

@@ -8,11 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRun
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import last_words
 from rarms_iac.storage.codec import Json
@@ -306,24 +305,15 @@ class DistantHost(Protocol):
         """Answer from now on from one look, the first that is asked for: of a host that is only read."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedHost:
-    """One observation of a host: its State, its condition, and the findings of its provider."""
-
-    state: State
-    condition: HostCondition
-    findings: tuple[Diagnostic, ...]
-
-
 @runtime_checkable
 class ExaminableHost(Protocol):
     """A host of which more can be observed than its State."""
 
-    def examined(self) -> ObservedHost:
-        """Observe everything at once.
+    def examined(self, application: str) -> SeenHost:
+        """Observe everything at once: state, condition and findings of one moment.
 
-        Returns:
-            State, condition and findings of one moment.
+        Args:
+            application: whose partitions there count as own.
 
         Raises:
             HostError: as of `observe`.

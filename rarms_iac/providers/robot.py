@@ -16,6 +16,7 @@ from rarms_iac.model.commands import Prose, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import (
@@ -37,7 +38,6 @@ from rarms_iac.providers.interface import (
     HostFailed,
     HostRefused,
     HostUnreachable,
-    ObservedHost,
     RobotListener,
 )
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union, encode
@@ -110,7 +110,7 @@ def problem_of(error: HostError) -> HostProblem:
 class Look:
     """The result of one look at a host, with a problem in place of a part that could not be read."""
 
-    observed: ObservedHost | HostProblem
+    observed: SeenHost | HostProblem
     last_run: Journal | HostProblem | None
     holder: str
 
@@ -182,7 +182,7 @@ class RobotByChannel:
 
     def __init__(self, host: Host, channel: CommandChannel) -> None:
         """Prepare; nothing is sent before the first call."""
-        self._host = replace(host, connect=None)
+        self._host = host
         self._channel = channel
         self._look: Look | None = None
         self._answered: set[str] = set()
@@ -195,8 +195,8 @@ class RobotByChannel:
     def look_once(self) -> None:
         self._looks_once = True
 
-    def examined(self) -> ObservedHost:
-        return self._observed("examined")
+    def examined(self, application: str) -> SeenHost:
+        return replace(self._observed("examined"), host=self._host, application=application)
 
     def observe(self) -> State:
         return self._observed("state").state
@@ -214,7 +214,7 @@ class RobotByChannel:
     def holder(self) -> str:
         return self._looked("holder").holder
 
-    def _observed(self, question: str) -> ObservedHost:
+    def _observed(self, question: str) -> SeenHost:
         observed = self._looked(question).observed
         if isinstance(observed, HostProblem):
             raise observed.on(self.name)
@@ -230,8 +230,8 @@ class RobotByChannel:
 
     def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:
         self._look = None
-        listens = isinstance(self._channel, LiveChannel)
-        request = Request(version=__version__, command=command, by=owner(), host=self._host, listens=listens, job=job)
+        listens, described = isinstance(self._channel, LiveChannel), replace(self._host, connect=None)
+        request = Request(version=__version__, command=command, by=owner(), host=described, listens=listens, job=job)
         data = line_of(request)
         if len(data) > LINE_LIMIT:
             message = f"the request to it has {len(data):,} bytes, and at most {LINE_LIMIT:,} are sent"

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from rarms_iac.app.wiring import open_host
-from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.host import Host
-from rarms_iac.providers.interface import ExaminableHost, HostError, LiveHost, ObservedHost, StepwiseHost
+from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.providers.interface import ExaminableHost, HostError, StepwiseHost
 from rarms_iac.providers.robot import Look, problem_of
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, encode
@@ -18,14 +18,17 @@ def look(host: Host, _job: Json, _caller: Caller) -> Json:
     live = open_host(host, Path(), "")
     assert isinstance(live, StepwiseHost), "a Linux host of this machine is changed step by step"
     holder = live.holder()
-    seen = Look(observed=_tried(lambda: _observed(live)), last_run=_tried(live.journal), holder=holder or live.holder())
+    seen = Look(
+        observed=_tried(lambda: _observed(live, host)), last_run=_tried(live.journal), holder=holder or live.holder()
+    )
     return encode(seen)
 
 
-def _observed(live: LiveHost) -> ObservedHost:
+def _observed(live: StepwiseHost, host: Host) -> SeenHost:
+    """Look for no application: the caller knows for which."""
     if isinstance(live, ExaminableHost):
-        return live.examined()
-    return ObservedHost(state=live.observe(), condition=HostCondition(), findings=())
+        return live.examined("")
+    return SeenHost(host=host, application="", state=live.observe())
 
 
 def _tried(question: Callable[[], Any]) -> Any:

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.doctor import Examinations, ExaminedHost
+from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
 from rarms_iac.views.console import STRONG, Table, stack, styled
 from rarms_iac.views.finding_forms import OutputFormat, findings_as
@@ -39,14 +39,14 @@ def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":
     parts: list[RenderableType] = []
     for host in examined.hosts:
         rows = [row for row in _rows(host, examined.application) if row[1]]
-        title = f"Host {host.facts.name} ({host.facts.provider.value})"
+        title = f"Host {host.name} ({host.facts.provider.value})"
         parts += [styled((title, STRONG)), Table(rows, wrap=(1,), indent=2), ""]
     findings, accepted = examined.findings, examined.accepted
     healthy = not findings and not accepted
     return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))
 
 
-def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]:
+def _rows(examined: SeenHost, application: str) -> Iterator[tuple[str, str]]:
     facts, condition = examined.facts, examined.condition
     yield "computer", facts.computer_name
     kind = "client" if facts.client else "server"
@@ -62,7 +62,7 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
     yield "machines", _machines(examined, application)
 
 
-def _processors(facts: HostFacts, condition: HostCondition) -> str:
+def _processors(facts: HostFacts, condition: Condition) -> str:
     seen = condition.seen_processors  # by the host's own Windows
     parts = [show_processors(facts.logical_processors)]
     parts += ["SMT"] if facts.smt else []
@@ -70,7 +70,7 @@ def _processors(facts: HostFacts, condition: HostCondition) -> str:
     return ", ".join(parts)
 
 
-def _machines(examined: ExaminedHost, application: str) -> str:
+def _machines(examined: SeenHost, application: str) -> str:
     if not examined.machines:
         return "none seen"
     return f"{examined.machines}: {examined.managed} of {application}, {examined.running} running"

@@ -179,7 +179,7 @@ def test_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
         before = groups_of(tmp_path).read("")
         for use in (
             lambda: open_linux(builders.a_host(), tmp_path).observe(),
-            lambda: open_linux(builders.a_host(), tmp_path).examined(),
+            lambda: open_linux(builders.a_host(), tmp_path).examined("robot"),
             lambda: open_linux(builders.a_host(keep_processor="10 %"), tmp_path).lock("ann@lab").__enter__(),
         ):
             with pytest.raises(HostRefused, match="has no record that rarms made it"):
@@ -225,7 +225,7 @@ def test_odd_kernel_files_are_the_hosts_failure(
 
     def use() -> None:
         with host.lock("ann@lab"):
-            host.examined()
+            host.examined("robot")
             host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
             host.execute(SetMemory(partition="vision", memory=64 * MIB), SCOPE)
 

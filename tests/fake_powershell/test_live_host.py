@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+from collections.abc import Callable
+from operator import methodcaller
 from pathlib import Path
 
 import pytest
@@ -69,7 +71,7 @@ def test_snapshot_says_what_the_live_host_says() -> None:
     seen = read_script_output(there.recorded(), "onboard")
 
     assert seen is not None
-    looked = there.examined()
+    looked = there.examined("robot")
     assert (seen.state, seen.condition, seen.findings) == (looked.state, looked.condition, looked.findings)
     assert seen.state == there.observe()
     assert seen.unfinished == there.unfinished() is not None
@@ -79,14 +81,14 @@ def test_host_that_constrains_language_of_scripts_says_so() -> None:
     host = fresh().copy(language="ConstrainedLanguage")
 
     with pytest.raises(HostFailed, match="runs in ConstrainedLanguage here, by AppLocker or App Control"):
-        live(host).examined()
+        live(host).examined("robot")
 
 
 def test_examining_tells_what_is_odd_there() -> None:
     host = everything().copy()
     host.files[JOURNAL.lower()].owner = "S-1-5-21-1-2-3-1001"
 
-    looked = live(host).examined()
+    looked = live(host).examined("robot")
 
     assert codes(looked.findings) == ["RARMS190"]
     assert looked.findings == findings_of(read_observation(live(host).recorded()), "onboard")
@@ -96,7 +98,7 @@ def test_a_caller_without_rights_is_examined_too() -> None:
     host = fresh().copy(elevated=False)
     host.refusals["Get-CimInstance Msvm_ComputerSystem"] = ("AccessDenied", "PermissionDenied", "Access denied")
 
-    looked = live(host).examined()
+    looked = live(host).examined("robot")
 
     assert looked.state.facts.rights is Rights.MISSING
     assert looked.state.partitions == ()
@@ -259,18 +261,20 @@ def test_unlistable_journal_is_not_absent() -> None:
 def test_looking_changes_nothing() -> None:
     host = everything().copy()
 
-    live(host).examined()
+    live(host).examined("robot")
     live(host).recorded()
 
     assert host.effects == []
 
 
-@pytest.mark.parametrize("ask", ["observe", "examined", "recorded"])
-def test_unreachable_or_garbled_host_is_told(ask: str) -> None:
+@pytest.mark.parametrize(
+    "ask", [methodcaller("observe"), methodcaller("examined", "robot"), methodcaller("recorded")], ids=repr
+)
+def test_unreachable_or_garbled_host_is_told(ask: Callable[[LiveHypervHost], object]) -> None:
     with pytest.raises(HostFailed, match="nobody answers"):
-        getattr(live(None), ask)()
+        ask(live(None))
     with pytest.raises(HostFailed, match="cannot be read"):
-        getattr(live(everything().copy(), after='{"format": "other"}'), ask)()
+        ask(live(everything().copy(), after='{"format": "other"}'))
 
 
 def test_it_keeps_the_contracts_of_its_kinds() -> None:

@@ -9,15 +9,15 @@ from typing import Any, get_args
 
 import pytest
 
-from rarms_iac.app.doctor import Examinations, ExaminedHost
+from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.doctor_report import Connection, DoctorReport, ExecutionPolicy, report_examinations
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
 from rarms_iac.app.wiring import read_script_output
-from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.state import Partition, Rights, RunState, Tie
+from rarms_iac.model.seen_host import Condition, SeenHost
+from rarms_iac.model.state import Partition, Rights, RunState, State, Tie
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.shipped import shipped_text
 from tests.builders_plan import facts, partition
@@ -220,16 +220,12 @@ def test_report_says_connection_and_counts_machines(connect: str, word: str, tmp
 
 def _report(manifest: str, machines: tuple[Partition, ...]) -> DoctorReport:
     hosts = select_hosts(load_manifest(ManifestSource(manifest=manifest)), SnapshotSelection())
-    condition = HostCondition(powershell=PLANTED, module=(PLANTED, "2.0.0.0"))
-    examined = ExaminedHost(
-        facts=facts(f"{PLANTED}-host"),
-        condition=condition,
-        memory_left=None,
-        machines=len(machines),
-        managed=0,
-        running=1,
-        findings=(),
-        partitions=machines,
+    (host,) = hosts.system.hosts.values()
+    examined = SeenHost(
+        host=host,
+        application=PLANTED,
+        state=State(facts=facts(host.name), partitions=machines),
+        condition=Condition(powershell=PLANTED, module=(PLANTED, "2.0.0.0")),
     )
     return report_examinations(hosts, Examinations(application=PLANTED, hosts=(examined,), accepted=()))
 

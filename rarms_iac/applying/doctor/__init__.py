@@ -1,18 +1,18 @@
 """`rarms doctor`: finds what is wrong with a host before anything is planned for it.
 
-In: a host's State and `HostCondition` (`Examination`). Out: diagnostics in the order of their lines. Begin at
-`examine`; `windows` checks the operating system, `machines` every virtual machine. Nothing here changes a host.
+In: a `SeenHost`. Out: diagnostics in the order of their lines. Begin at `examine`; `windows` checks the operating
+system, `machines` every virtual machine and the logical processors. Nothing here changes a host.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
-from rarms_iac.applying.doctor import machines, processors, windows
-from rarms_iac.applying.doctor.examination import Examination
-from rarms_iac.applying.doctor.machines import UNFIT_MACHINE
+from rarms_iac.applying.doctor import machines, windows
 from rarms_iac.diff.compare_partitions import foreign_marks
-from rarms_iac.model.diagnostics import Diagnostic, Finding, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, in_order
+from rarms_iac.model.seen_host import SeenHost
 
-CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
+CHECKS: tuple[Callable[[SeenHost], Iterator[Diagnostic]], ...] = (
     windows.check_hypervisor,
     windows.check_preconditions,
     windows.check_elevation,
@@ -26,7 +26,7 @@ CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
     windows.check_execution_policy,
     windows.check_process_width,
     windows.check_minroot,
-    processors.check_unequal_processors,
+    machines.check_unequal_processors,
     windows.check_unread_probes,
     machines.check_cpu_group,
     machines.check_cluster,
@@ -35,23 +35,25 @@ CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
     machines.check_machine_width,
 )
 
+_OF_PLANS_TOO = (machines.UNFIT_MACHINE, machines.CPU_GROUP, machines.UNEQUAL)
+
 DOCTOR_ONLY_CODES = frozenset(
     finding.code
     for checks in (windows, machines)
     for finding in vars(checks).values()
-    if isinstance(finding, Finding) and finding not in (UNFIT_MACHINE, machines.CPU_GROUP)  # plans find them
+    if isinstance(finding, Finding) and finding not in _OF_PLANS_TOO
 )
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""
 
 
-def examine(host: Examination) -> tuple[Diagnostic, ...]:
+def examine(host: SeenHost, place: Place | None = None) -> tuple[Diagnostic, ...]:
     """Find everything that makes a plan for the host invalid or unsafe.
 
     Args:
-        host: what was observed, live or from a snapshot.
+        place: the manifest's line of the host, for the findings of checks.
 
     Returns:
         The diagnostics of all checks, of unknown marks, and of the provider, in order.
     """
-    findings = [diagnostic for check in CHECKS for diagnostic in check(host)]
-    return in_order((*findings, *foreign_marks(host.state), *host.provider_findings))
+    findings = [replace(diagnostic, place=place) for check in CHECKS for diagnostic in check(host)]
+    return in_order((*findings, *foreign_marks(host.state), *host.findings))

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.doctor.machines import finding_about
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.commands import APPLY, prose
-from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
 from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.seen_host import PolicyScope, SeenHost
 from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
 from rarms_iac.model.wording import in_a_row, quoted
 
@@ -30,7 +30,7 @@ _FORBIDDING_POLICIES = ("Restricted", "AllSigned")
 _NEEDED_POWERSHELL = (5, 1)
 
 
-def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
+def check_preconditions(host: SeenHost) -> Iterator[Diagnostic]:
     """Rights must be proven, and the scheduler must honour reserves: plans ask for the same.
 
     Linux schedules control groups itself; whether they may be made is asked where they are made.
@@ -39,15 +39,16 @@ def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
     if facts.provider is ProviderKind.LINUX or host.condition.role is False:
         return
     if facts.rights is not Rights.PROVEN:
-        yield no_rights(facts, host.place)
-    yield from scheduler_findings(facts, "its machines", host.place)
+        yield no_rights(facts)
+    yield from scheduler_findings(facts, "its machines", None)
 
 
-def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
+def check_hypervisor(host: SeenHost) -> Iterator[Diagnostic]:
     """Find a missing role or hypervisor. Windows has the role and starts the hypervisor before it (windows.md 2, 5)."""
     condition = host.condition
     if condition.role is False:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LACKS,
             f"{host.name}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
             "Hyper-V is not installed.",
@@ -57,7 +58,8 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
             {"role": False},
         )
     elif condition.hypervisor_running is False:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LACKS,
             f"{host.name} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
             "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
@@ -66,11 +68,12 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_elevation(host: Examination) -> Iterator[Diagnostic]:
+def check_elevation(host: SeenHost) -> Iterator[Diagnostic]:
     """Hyper-V Administrators see machines; scripts also write HKLM and a folder of Administrators (windows.md 5)."""
     if host.state.facts.rights is Rights.PROVEN and host.condition.elevated is False:
         group = " as a member of Hyper-V Administrators" if host.condition.hyperv_administrator else ""
-        yield host.host_finding(
+        yield finding_about(
+            host,
             NOT_ELEVATED,
             f"{host.name} was looked at{group} without elevation: that is enough to plan, and scripts that change the "
             "host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
@@ -84,7 +87,7 @@ def check_elevation(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
+def check_free_memory(host: SeenHost) -> Iterator[Diagnostic]:
     """Yield a machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
     available = host.state.memory_left
     off = [
@@ -92,7 +95,8 @@ def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
     ]
     wanted = sum(machine.settings.memory for machine in off)
     if available is not None and wanted > available:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LITTLE_MEMORY,
             f"{host.name} has {show_bytes(available, wanted)} of memory for machines left, and "
             f"{in_a_row([machine.settings.name for machine in off])} "
@@ -107,10 +111,11 @@ def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_counters(host: Examination) -> Iterator[Diagnostic]:
+def check_counters(host: SeenHost) -> Iterator[Diagnostic]:
     """Measuring records the hypervisor's counters as proof of contention (windows.md 8)."""
     if host.condition.counters is False and host.condition.hypervisor_running:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             NO_COUNTERS,
             f"{host.name}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
             "whether a partition got its reserve.",
@@ -118,10 +123,11 @@ def check_counters(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_running_script(host: Examination) -> Iterator[Diagnostic]:
+def check_running_script(host: SeenHost) -> Iterator[Diagnostic]:
     """Yield what is looked at in the middle of a run is neither as before nor as after it."""
     if host.condition.script_running:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             SCRIPT_RUNNING,
             f"{host.name}: a script of rarms is running there (it has "
             "%ProgramData%\\rarms\\owner.txt open, which says whose it is): what was seen may be half of what it does.",
@@ -129,7 +135,7 @@ def check_running_script(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
+def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
     """SystemResponsiveness says how much of a processor MMCSS leaves to everybody else (windows.md 6.1)."""
     value = host.condition.responsiveness
     if value is None:
@@ -143,7 +149,8 @@ def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
         problem = f"{value.data}, which Windows takes for {effective}"
     else:
         return
-    yield host.host_finding(
+    yield finding_about(
+        host,
         RESPONSIVENESS_VALUE,
         f"{host.name}: SystemResponsiveness is {problem}. Task classes of components with `runs_on: host` rest on it.",
         "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
@@ -158,10 +165,11 @@ def effective_responsiveness(value: RegistryValue) -> int:
     return taken_for(value.data)
 
 
-def check_module(host: Examination) -> Iterator[Diagnostic]:
+def check_module(host: SeenHost) -> Iterator[Diagnostic]:
     """Scripts are made of the cmdlets of the module Hyper-V."""
     if host.condition.module == ():
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LACKS,
             f"{host.name}: its PowerShell has no module Hyper-V.",
             "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
@@ -170,11 +178,12 @@ def check_module(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
+def check_core_scheduler(host: SeenHost) -> Iterator[Diagnostic]:
     """With SMT, the core scheduler never shares a core between machines (windows.md 2)."""
     facts = host.state.facts
     if facts.smt and facts.scheduler is SchedulerType.CORE:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             CORE_SCHEDULER,
             f"{host.name} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
             "processor of a machine without SMT of its own takes both its threads.",
@@ -184,11 +193,12 @@ def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_powershell_version(host: Examination) -> Iterator[Diagnostic]:
+def check_powershell_version(host: SeenHost) -> Iterator[Diagnostic]:
     """Scripts run on Windows PowerShell 5.1 and on PowerShell 7; a version that is no number is too old."""
     version = host.condition.powershell
     if version is not None and _version_numbers(version) < _NEEDED_POWERSHELL:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LACKS,
             f"{host.name} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
             "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
@@ -202,7 +212,7 @@ def _version_numbers(version: str) -> tuple[int, ...]:
     return int(major) if major.isdecimal() else 0, int(minor) if minor.isdecimal() else 0
 
 
-def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
+def check_execution_policy(host: SeenHost) -> Iterator[Diagnostic]:
     """Find an execution policy that forbids our scripts: the first scope that sets one decides.
 
     Group policy beats `-ExecutionPolicy` (windows.md 9).
@@ -222,7 +232,7 @@ def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
         yield _policy_finding(host, problem, is_group_policy=scopes[0].is_group_policy)
 
 
-def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -> Diagnostic:
+def _policy_finding(host: SeenHost, problem: str, *, is_group_policy: bool) -> Diagnostic:
     if is_group_policy:
         effect = "Group policy outranks what rarms starts PowerShell with: its scripts do not run there unsigned."
         advice = "Have the group policy allow RemoteSigned on this host, or put signed scripts into .rarms/signed."
@@ -232,14 +242,15 @@ def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -
             "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`; "
             "`Unblock-File SCRIPT` first where it came by mail or a browser, which mark it."
         )
-    return host.host_finding(EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice, {"reason": problem})
+    return finding_about(host, EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice, {"reason": problem})
 
 
-def check_process_width(host: Examination) -> Iterator[Diagnostic]:
+def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
     """Yield a 32-bit process is shown another registry (windows.md 6.6)."""
     bits = host.condition.bits
     if bits is not None and bits < 64:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             LACKS,
             f"{host.name} was looked at by a PowerShell of {bits} bits: Windows shows it another part of "
             "the registry, so its task classes are not those that count.",
@@ -249,11 +260,12 @@ def check_process_width(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_minroot(host: Examination) -> Iterator[Diagnostic]:
+def check_minroot(host: SeenHost) -> Iterator[Diagnostic]:
     """Under minroot the root partition has only some of the logical processors (windows.md 2)."""
     total, visible = host.state.facts.logical_processors, host.condition.seen_processors
     if visible is not None and visible != total:
-        yield host.host_finding(
+        yield finding_about(
+            host,
             MINROOT,
             f"{host.name}: its own Windows sees {visible} logical processors, the hypervisor has "
             f"{total}. Machines may still run on those of the host.",
@@ -262,10 +274,11 @@ def check_minroot(host: Examination) -> Iterator[Diagnostic]:
         )
 
 
-def check_unread_probes(host: Examination) -> Iterator[Diagnostic]:
+def check_unread_probes(host: SeenHost) -> Iterator[Diagnostic]:
     """Report what could not be read, so that silence means something."""
     for subject, why in sorted(host.condition.unread.items()):
-        yield host.host_finding(
+        yield finding_about(
+            host,
             UNREAD_PROBE,
             f"{host.name}: {subject} could not be read: {why}.",
             "Look again as a member of Administrators in an elevated PowerShell; what the host does not have is no "

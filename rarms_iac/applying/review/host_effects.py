@@ -4,9 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.applying.doctor.examination import Examination
-from rarms_iac.applying.doctor.machines import check_cpu_group
-from rarms_iac.applying.doctor.processors import check_unequal_processors
+from rarms_iac.applying.doctor.machines import check_cpu_group, check_unequal_processors
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.state_after import partition_after_change, partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_first_fit
@@ -17,6 +15,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.shared_findings import NEIGHBOURS, NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
@@ -145,15 +144,18 @@ def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) ->
         changed = {change.before.id for change in plan.changes if isinstance(change.before, Partition)}
         own = desired.observed.of(request.application)
         unchanged = tuple(partition for partition in own.partitions if partition.id not in changed)
-        place = request.places.key("hosts", desired.host)
-        yield from check_cpu_group(Examination(state=replace(own, partitions=unchanged), place=place))
+        seen = SeenHost(host=plan.host, application=request.application, state=replace(own, partitions=unchanged))
+        for finding in check_cpu_group(seen):
+            yield replace(finding, place=request.places.key("hosts", desired.host))
 
 
 def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
     """Find hosts whose logical processors are unequal: a reserve counts all alike."""
     if request.purpose is Purpose.APPLY:
-        place = request.places.key("hosts", desired.host)
-        yield from check_unequal_processors(Examination(state=desired.observed, place=place))
+        host = request.system.hosts[desired.host]
+        seen = SeenHost(host=host, application=request.application, state=desired.observed)
+        for finding in check_unequal_processors(seen):
+            yield replace(finding, place=request.places.key("hosts", desired.host))
 
 
 def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import DOCTOR, PLAN, Wording, prose
-from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.operations import (
@@ -27,6 +26,7 @@ from rarms_iac.model.operations import (
     TaskOperation,
 )
 from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.cgroups.definitions import (
@@ -56,7 +56,7 @@ from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import read_boot, read_facts
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
-from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
+from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.running.kernel_files import UnreadableFile
 
@@ -175,7 +175,7 @@ class LinuxHostProvider(JournaledHost):
     def observe(self) -> State:
         return self._look()[0]
 
-    def examined(self) -> ObservedHost:
+    def examined(self, application: str) -> SeenHost:
         """Return findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
         off = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
@@ -185,7 +185,7 @@ class LinuxHostProvider(JournaledHost):
             with self.kernel_errors(partition.settings.name):
                 running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
                 found += orphan_findings(partition.settings.name, orphans(running, read))
-        return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
+        return SeenHost(host=self._host, application=application, state=state, findings=tuple(found))
 
     def start_after_boot(self) -> tuple[str, ...]:
         """Start the partitions that are off though no run stopped them. The host is held.

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.seen_host import Condition, PolicyScope
 from rarms_iac.model.shared_findings import DAMAGED, ROUNDED
 from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
@@ -21,13 +21,13 @@ from rarms_iac.providers.interface import HostFailed
 NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
 
 
-def condition_of(observation: HostObservation) -> HostCondition:
+def condition_of(observation: HostObservation) -> Condition:
     """How the host is, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
     visible, counters = observation.host_visible, observation.counters
     responsiveness = responsiveness_of(observation)
-    return HostCondition(
+    return Condition(
         powershell=powershell.version if powershell else None,
         bits=windows.bits if windows else None,
         policies={
@@ -45,10 +45,6 @@ def condition_of(observation: HostObservation) -> HostCondition:
         script_running=or_else(observation.script_running, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
-        machines=tuple(
-            MachineCondition(id=machine.id, clustered=machine.clustered == "True")
-            for machine in or_else(observation.machines, ())
-        ),
         responsiveness=responsiveness.value if responsiveness else None,
         unread=dict(_unread(observation)),
     )

@@ -8,6 +8,7 @@ from typing import assert_never
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Connect, Host, WinRmConnect
 from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.render import render_observe
@@ -22,7 +23,6 @@ from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,
     HostFailed,
-    ObservedHost,
     RunEvent,
     ScriptBundle,
     ScriptExited,
@@ -66,19 +66,23 @@ class LiveHypervHost:
         observation = self.observation()
         if error := unread_error(observation, self.name):
             raise error
-        return self._examined(observation).state
+        return self._state(observation)
 
-    def examined(self) -> ObservedHost:
-        return self._examined(self.observation())
+    def examined(self, application: str) -> SeenHost:
+        observation = self.observation()
+        return SeenHost(
+            host=self._host,
+            application=application,
+            state=self._state(observation),
+            condition=condition_of(observation),
+            findings=findings_of(observation, self.name),
+        )
 
-    def _examined(self, observation: HostObservation) -> ObservedHost:
+    def _state(self, observation: HostObservation) -> State:
         try:
-            state = to_state(observation, self.name)
+            return to_state(observation, self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
-        return ObservedHost(
-            state=state, condition=condition_of(observation), findings=findings_of(observation, self.name)
-        )
 
     def journal(self) -> ScriptRun | None:
         observation = self.observation()

@@ -5,47 +5,52 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES, examine
-from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.applying.doctor.windows import effective_responsiveness
-from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import SchedulerType
-from rarms_iac.model.state import HostFacts, Partition, ProcessorKind, RegistryValue, Rights, RunState, State, ValueKind
+from rarms_iac.model.seen_host import Condition, PolicyScope, SeenHost
+from rarms_iac.model.state import (
+    HostFacts,
+    Partition,
+    ProcessorKind,
+    RegistryValue,
+    Rights,
+    RunState,
+    State,
+    Tie,
+    ValueKind,
+)
+from tests.builders import a_host
 from tests.builders_plan import facts, partition, settings
 
 
 def examination(
-    *, of: HostFacts | None = None, machines: tuple[Partition, ...] = (), how: HostCondition | None = None
-) -> Examination:
-    return Examination(state=State(facts=of or facts(), partitions=machines), condition=how or HostCondition())
+    *, of: HostFacts | None = None, machines: tuple[Partition, ...] = (), how: Condition | None = None
+) -> SeenHost:
+    state = State(facts=of or facts(), partitions=machines)
+    return SeenHost(host=a_host(), application="robot", state=state, condition=how or Condition())
 
 
-def how(**condition: object) -> Examination:
+def how(**condition: object) -> SeenHost:
     """A host in this condition."""
-    return examination(how=HostCondition(**condition))  # type: ignore[arg-type]  # fields, said by cases
+    return examination(how=Condition(**condition))  # type: ignore[arg-type]  # fields, said by cases
 
 
-def odd(**condition: object) -> Examination:
-    """A host whose partition is in this condition."""
-    machine = MachineCondition(**{"id": VISION.id, **condition})  # type: ignore[arg-type]  # fields, said by cases
-    return examination(machines=(VISION,), how=HostCondition(machines=(machine,)))
-
-
-def of(**known: object) -> Examination:
+def of(**known: object) -> SeenHost:
     """A host of which this is known."""
     return examination(of=replace(facts(), **known))  # type: ignore[arg-type]  # fields, said by cases
 
 
-def responsive(data: int | str) -> HostCondition:
+def responsive(data: int | str) -> Condition:
     kind = ValueKind.DWORD if isinstance(data, int) else ValueKind.SZ
-    return HostCondition(responsiveness=RegistryValue(kind=kind, data=data))
+    return Condition(responsiveness=RegistryValue(kind=kind, data=data))
 
 
 VISION = partition(settings("vision"))
 OFF = replace(VISION, state=RunState.OFF)
 WITHOUT_RIGHTS = replace(facts(), rights=Rights.UNKNOWN)
 POLICY = PolicyScope
-HEALTHY = HostCondition(
+HEALTHY = Condition(
     powershell="5.1.26100.2161",
     bits=64,
     policies={POLICY.MACHINE_POLICY: "Undefined", POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "RemoteSigned"},
@@ -58,7 +63,6 @@ HEALTHY = HostCondition(
     script_running=False,
     seen_processors=2,
     numa_nodes=1,
-    machines=(MachineCondition(id=VISION.id),),
 )
 
 CASES = {
@@ -85,11 +89,11 @@ CASES = {
     "no policy on a client": (
         "RARMS241",
         "host/onboard",
-        examination(of=replace(facts(), client=True), how=HostCondition(policies={POLICY.LOCAL_MACHINE: "Undefined"})),
+        examination(of=replace(facts(), client=True), how=Condition(policies={POLICY.LOCAL_MACHINE: "Undefined"})),
     ),
     "32 bits": ("RARMS233", "host/onboard", how(bits=32)),
     "minroot": ("RARMS243", "host/onboard", how(seen_processors=1)),
-    "cluster": ("RARMS245", "partition/vision", odd(clustered=True)),
+    "cluster": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, ties=(Tie.CLUSTER,)),))),
     "critical": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.CRITICAL),))),
     "wide": (
         "RARMS245",
@@ -101,13 +105,13 @@ CASES = {
         "machine/id-of-copy",
         examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
     ),
-    "no role": ("RARMS233", "host/onboard", examination(of=WITHOUT_RIGHTS, how=HostCondition(role=False))),
+    "no role": ("RARMS233", "host/onboard", examination(of=WITHOUT_RIGHTS, how=Condition(role=False))),
     "no hypervisor": ("RARMS233", "host/onboard", how(role=True, hypervisor_running=False)),
     "not elevated": ("RARMS319", "host/onboard", how(elevated=False, hyperv_administrator=True)),
     "little memory": (
         "RARMS320",
         "host/onboard",
-        Examination(state=State(facts=facts(), partitions=(OFF,), memory_left=OFF.settings.memory - 1)),
+        replace(examination(), state=State(facts=facts(), partitions=(OFF,), memory_left=OFF.settings.memory - 1)),
     ),
     "no counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
     "mute guest": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
@@ -146,7 +150,7 @@ def test_one_that_does_not_is(version: str) -> None:
 
 
 def test_policy_of_the_look_counts_for_nothing() -> None:
-    how = HostCondition(policies={POLICY.PROCESS: "Restricted", POLICY.LOCAL_MACHINE: "RemoteSigned"})
+    how = Condition(policies={POLICY.PROCESS: "Restricted", POLICY.LOCAL_MACHINE: "RemoteSigned"})
 
     assert examine(examination(how=how)) == ()
 
@@ -176,7 +180,7 @@ def test_a_client_is_not_sent_to_bcdedit() -> None:
 def test_what_provider_found_is_told_with_rest() -> None:
     told: Diagnostic = examine(CASES["root"][2])[0]
 
-    assert examine(replace(examination(), provider_findings=(told,))) == (told,)
+    assert examine(replace(examination(), findings=(told,))) == (told,)
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,7 @@ def test_process_is_known_by_its_name_and_parent() -> None:
 
 
 def orphan_findings(host: LinuxMeasuringHost) -> list[Diagnostic]:
-    return [finding for finding in host.examined().findings if finding.code == "RARMS168"]
+    return [finding for finding in host.examined("robot").findings if finding.code == "RARMS168"]
 
 
 @pytest.mark.needs("linux")

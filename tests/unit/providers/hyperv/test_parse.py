@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.run import SampleCount, Samples, TimeField
+from rarms_iac.model.seen_host import PolicyScope
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of
@@ -351,13 +351,8 @@ def test_every_recorded_host_has_a_condition(name: str) -> None:
     assert condition_of(seen).powershell is not None
 
 
-def machine(of: HostCondition, id_: str) -> MachineCondition:
-    (found,) = [machine for machine in of.machines if machine.id == id_]
-    return found
-
-
 def an_id() -> str:
-    return condition_of(recorded(STRANGERS)).machines[0].id
+    return to_state(recorded(STRANGERS), "cell").partitions[0].id
 
 
 def cpu_group(seen: HostObservation) -> str:
