@@ -4,26 +4,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
 from rarms_iac.app.planning import outcome_of, plan_request, with_reservations
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.desired_hosts import desired_hosts
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.diff.drift import (
-    DriftKind,
-    ResourceDrift,
-    drift,
-    drift_of_marks,
-    partitions_after_last_run,
-    without_unfinished,
-)
+from rarms_iac.diff.drift import ResourceDrift, drift, drift_of_marks, partitions_after_last_run, without_unfinished
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
-from rarms_iac.model.journal import Journal, ScriptRun
-from rarms_iac.model.output import Internal, output
+from rarms_iac.model.journal import Journal, ScriptRun, history_of
+from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.state import HostFacts, State
+from rarms_iac.model.seen_host import seen_hosts
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption
 
 
@@ -56,42 +51,12 @@ def drift_of_hosts(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostDrift:
-    """What drifted on one host."""
-
-    name: str
-    facts: Internal[HostFacts]
-    drifted: tuple[ResourceDrift, ...]
-    is_written: Internal[bool] = True  # whether anything there carries the application's mark
-
-    @output
-    def host_lp(self) -> int:
-        """LPs that the host has."""
-        return self.facts.logical_processors
-
-    @output
-    def host_changed(self) -> int:
-        """How many resources were changed on the host."""
-        return sum(resource.drift.is_of_the_host for resource in self.drifted)
-
-    @output
-    def not_applied(self) -> int:
-        """How many are only not applied yet."""
-        return len(self.drifted) - self.host_changed - self.unused
-
-    @output
-    def unused(self) -> int:
-        """How many the manifest no longer wants."""
-        return sum(resource.drift is DriftKind.UNUSED for resource in self.drifted)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DriftReport:
     """The drift of all chosen hosts, by name, and the plans of runs that are unfinished there, by host."""
 
     kind: Literal["drift"] = "drift"
     application: str
-    hosts: tuple[HostDrift, ...]
+    hosts: tuple[ComparedHost, ...]
     unfinished: Mapping[str, str]
     problems: tuple[Diagnostic, ...] = ()  # why it is not known what the manifest wants; empty: it is compared
 
@@ -126,15 +91,14 @@ def look_for_drift(hosts: Hosts, *, explain: bool = False) -> DriftReport:
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
     plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL, explain=False), states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
-    owned = {name: state.of(system.application.name) for name, state in states.items()}
+    seen = seen_hosts(system.hosts, system.application.name, states)
     return DriftReport(
         application=system.application.name,
         hosts=tuple(
-            HostDrift(
-                name=name,
-                facts=states[name].facts,
-                is_written=bool(owned[name].partitions or owned[name].tasks or owned[name].responsiveness),
+            ComparedHost(
+                seen=seen[name],
                 drifted=tuple(_with_change(resource, parts.get(name)) for resource in drifted),
+                runs=history_of(runs.get(name)),
             )
             for name, drifted in drifts.items()
             if name in hosts.chosen

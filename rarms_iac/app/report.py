@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.data_logs import files_of, known_platform, present, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
@@ -13,12 +14,11 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import ReportedLog, report_of
-from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
+from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.app.requests import HostSelection, refuse_unknown
-from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
+from rarms_iac.app.standing_proofs import compared_with_hosts
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.environment_setup import EnvironmentSetup
@@ -28,6 +28,7 @@ from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import history_of
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_reserve
+from rarms_iac.model.seen_host import seen_hosts
 from rarms_iac.model.shared_findings import NOT_DONE
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import natural_order
@@ -41,15 +42,6 @@ from rarms_iac.storage.datalog.files import configuration_path, read_log
 from rarms_iac.storage.datalog.log import Header, LogFile
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
-
-DRIFTS = {
-    DriftKind.HOST_CHANGED: "changed on the host",
-    DriftKind.NOT_APPLIED: "not applied yet",
-    DriftKind.BOTH: "changed on the host, and not applied yet",
-    DriftKind.MISSING: "not applied yet",
-    DriftKind.REMOVED: "removed from the host",
-}
-"""What a report says of a difference between the manifest and a host."""
 
 
 def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
@@ -71,10 +63,17 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
     report = _report(manifest, components, logs, with_candidates=with_candidates)
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
-    statuses, problems, hosts = _statuses(manifest)
-    proofs = compared_with_hosts(report.proofs, [host for host in hosts if host.runs])  # a checkout has no host's state
+    hosts, problems = _compared_hosts(manifest)
+    with_runs = [host for host in hosts if host.own_runs]  # a checkout has no host's state
+    proofs = compared_with_hosts(report.proofs, with_runs)
     findings = not_yet_proven((*manifest.findings, *problems), proofs)
-    return replace(report, proofs=proofs, statuses=statuses, findings=first_of_each_kind(in_order(findings)))
+    return replace(
+        report,
+        proofs=proofs,
+        hosts=hosts,
+        is_planned=not has_errors(problems),
+        findings=first_of_each_kind(in_order(findings)),
+    )
 
 
 def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentProof]) -> tuple[Diagnostic, ...]:
@@ -111,7 +110,7 @@ def measured_report(manifest: Manifest, *, with_candidates: bool = False) -> Rep
             consist of them; without predictions, and none where a reservation is not known yet.
 
     Returns:
-        The report without the hosts' statuses and without findings.
+        The report without the hosts and without findings.
 
     Raises:
         UseCaseError: A log cannot be read (negative).
@@ -278,44 +277,30 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
     )
 
 
-_Looked = tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...], tuple[HostNow, ...]]
+_Looked = tuple[tuple[ComparedHost, ...], tuple[Diagnostic, ...]]
 
 
-def _statuses(manifest: Manifest) -> _Looked:
-    """One a simulated host, by name, why there is no layout, and what proofs are compared with."""
+def _compared_hosts(manifest: Manifest) -> _Looked:
+    """Compare the simulated hosts, and find why there is no layout."""
     # NOTE: a report needs no host, and waits for none: others are not asked.
     hosts = manifest.system.hosts
     names = tuple(sorted(name for name, host in hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
-        return (), (), ()
+        return (), ()
     try:
-        return _statuses_of(select_hosts(manifest, HostSelection(hosts=names)))
+        return _compared(select_hosts(manifest, HostSelection(hosts=names)))
     except UseCaseError:  # a host's file is damaged, or held: every command that is about hosts says so
-        return (), (), ()
+        return (), ()
 
 
-def _statuses_of(hosts: Hosts) -> _Looked:
+def _compared(hosts: Hosts) -> _Looked:
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     request = replace(with_reservations(hosts, plan_request(hosts), states), explain=False)
     runs = dict(last_runs(hosts))
     drifts, problems = drift_of_hosts(request, states, runs)
-    application = hosts.system.application.name
-    now = tuple(
-        host_now(name, application, states[name], history_of(runs.get(name)), drifts.get(name, ()))
+    seen = seen_hosts(hosts.system.hosts, hosts.system.application.name, states)
+    compared = (
+        ComparedHost(seen=seen[name], drifted=drifts.get(name, ()), runs=history_of(runs.get(name)))
         for name in hosts.chosen
     )
-    if has_errors(problems):
-        return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems, now
-    compared = (
-        HostStatus(
-            host=name,
-            differs=tuple(
-                HostDifference(address=drift.address, message=DRIFTS[drift.drift])
-                for drift in drifted
-                if drift.drift in DRIFTS
-            ),
-        )
-        for name, drifted in drifts.items()
-        if name in hosts.chosen
-    )
-    return tuple(compared), problems, now
+    return tuple(compared), problems

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.model.achievement import Achievement, ReservationVerdict
-from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex
@@ -213,28 +213,6 @@ class ComponentProof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostDifference:
-    """Something that is not on a host as the manifest wants it."""
-
-    address: Address
-    message: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostStatus:
-    """How far what the manifest asks for is on a host that could be looked at."""
-
-    host: str
-    is_planned: bool = True  # else there is no layout that could be applied
-    differs: tuple[HostDifference, ...] = ()
-
-    @output
-    def commands(self) -> tuple[RecommendedCommand, ...]:
-        """What shows why there is no layout, or what is to be done, and then what does it."""
-        return (PLAN, APPLY)[: 1 if not self.is_planned else 2 if self.differs else 0]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlatformTuning:
     """The last run of `rarms tune` on a platform."""
 
@@ -256,7 +234,14 @@ class Report:
     capacities: tuple[PlatformCapacity, ...]  # by platform
     verdicts: tuple[ComponentVerdict, ...] = ()  # on each component whose reserve is to be measured, by platform
     proofs: tuple[ComponentProof, ...] = ()
-    statuses: tuple[HostStatus, ...] = ()  # by host
+    hosts: tuple[ComparedHost, ...] = ()  # those that could be looked at without waiting, by name
+    is_planned: bool = True  # else the manifest has no layout that could be applied to them
     findings: tuple[Diagnostic, ...] = ()  # of the manifest, and why it has no layout, where hosts were looked at
     tunings: tuple[PlatformTuning, ...] = ()  # by platform
     candidates: Internal[tuple[Node, ...]] = ()  # the graph; empty: nothing can be combined, or not all is measured
+
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """What shows why there is no layout; or what shows what is to be done on the hosts, and then what does it."""
+        differs = any(host.to_apply for host in self.hosts)
+        return (PLAN,) if not self.is_planned else (PLAN, APPLY) if differs else ()

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.hosts import Hosts, host_errors, last_runs, observe_host
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
-from rarms_iac.app.standing_proofs import HostNow, compared_with_hosts, host_now
+from rarms_iac.app.standing_proofs import compared_with_hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after
@@ -21,7 +22,7 @@ from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.journal import PastRun, history_of
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.state import Rights, State, StoppedBy
+from rarms_iac.model.state import Rights, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
 from rarms_iac.model.wording import in_a_row, natural_order
@@ -72,16 +73,12 @@ class HostOverview:
     """A host, or why it could not be looked at."""
 
     name: str
-    totals: Internal[HostTotals | None] = None  # None: it could not be looked at
+    compared: Internal[ComparedHost | None] = None  # None: it could not be looked at
+    totals: Internal[HostTotals | None] = None  # None as above
     partitions: tuple[PartitionStatus, ...] = ()  # by name
-    test_partitions: tuple[TestPartitionStatus, ...] = ()  # of any application, by name; they count in no total
-    is_measured: Internal[bool] = False  # a test partition of this application is there
-    other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
-    last_run: PastRun | None = None
     unrecorded: tuple[str, ...] = ()  # as of `History`
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
     held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
-    now: Internal[HostNow | None] = None  # what proofs are compared with; None: it could not be looked at
 
     @output
     def reserved_lp(self) -> Fraction:
@@ -103,6 +100,37 @@ class HostOverview:
         """LPs that are not promised."""
         return self.totals.free_lp if self.totals else Fraction(0)
 
+    @output
+    def test_partitions(self) -> tuple[TestPartitionStatus, ...]:
+        """Those of any application, by name; they count in no total."""
+        tests = (each for each in self.compared.seen.state.partitions if each.is_test) if self.compared else ()
+        return tuple(
+            TestPartitionStatus(
+                name=partition.shown_name,
+                application=partition.mark.application if partition.mark else "",
+                reserved_lp=Fraction(guaranteed(partition.settings.reserve, partition.settings.processors)),
+                running=partition.settings.running,
+            )
+            for partition in sorted(tests, key=lambda partition: partition.shown_name)
+        )
+
+    @output
+    def other_drift(self) -> tuple[ResourceDrift, ...]:
+        """The drift of what is no partition there: task classes, and what is not made yet."""
+        drifted = self.compared.drifted if self.compared else ()
+        shown = {*TEST_PARTITIONS, *(partition.name for partition in self.partitions)}
+        return tuple(
+            each
+            for each in drifted
+            if each.address.partition not in TEST_PARTITIONS
+            and (each.address.task or each.address.partition not in shown)
+        )
+
+    @output
+    def last_run(self) -> PastRun | None:
+        """The last run there, of any application."""
+        return self.compared.runs[-1] if self.compared and self.compared.runs else None
+
     @property
     def drift_kinds(self) -> frozenset[DriftKind]:
         """How what is there or wanted there drifted."""
@@ -122,7 +150,8 @@ class HostOverview:
     @property
     def is_at_measurement(self) -> bool:
         """Whether a measurement of the application is at work there, or left something when it was killed."""
-        return self.is_measured or any(partition.is_left_by_measurement for partition in self.partitions)
+        has_test = self.compared is not None and any(partition.is_test for partition in self.compared.seen.own)
+        return has_test or any(partition.is_left_by_measurement for partition in self.partitions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +214,7 @@ def overview_of(hosts: Hosts, report: Report | None = None, *, explain: bool = F
     used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
     outdated_logs = [log for log in report.measurements if log.stale]
     stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
-    proofs = compared_with_hosts(report.proofs, [host.now for host in overviews if host.now])
+    proofs = compared_with_hosts(report.proofs, [host.compared for host in overviews if host.compared])
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
@@ -219,13 +248,16 @@ def history_of_hosts(hosts: Hosts) -> History:
     )
 
 
-def _observe_alone(hosts: Hosts, name: str) -> State:
-    """Look at this host and no other, so that one that is out of reach does not hide the rest."""
+def _refuse_hidden(hosts: Hosts, name: str) -> None:
+    """Look at this host and no other, so that one that is out of reach does not hide the rest.
+
+    Raises:
+        UseCaseError: it cannot be looked at, or hides what is there (failed).
+    """
     snapshot = hosts.snapshots.hosts.get(name)
     state = snapshot.state if snapshot else observe_host(hosts.open(name))
     if state.facts.rights is not Rights.PROVEN:
         raise UseCaseError(Outcome.FAILED, [no_rights(state.facts)])
-    return state
 
 
 def _holder(hosts: Hosts, name: str) -> str:
@@ -238,81 +270,57 @@ def _holder(hosts: Hosts, name: str) -> str:
 
 def _host_overviews(hosts: Hosts, *, explain: bool) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
     """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
-    seen: dict[str, tuple[State, History]] = {}
-    holders: dict[str, str] = {}
+    looked: dict[str, tuple[str, History]] = {}  # by host: who holds it, and its runs
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
             before = _holder(hosts, name)
             history = history_of_hosts(hosts.only(name))
-            seen[name] = _observe_alone(hosts, name), history
-            holders[name] = before or _holder(hosts, name)  # a run that began or ended meanwhile was seen half
+            _refuse_hidden(hosts, name)
+            looked[name] = before or _holder(hosts, name), history  # what ran meanwhile was seen half
         except UseCaseError as error:
             problems[name] = error.findings
-    drifts: dict[str, tuple[ResourceDrift, ...]] = {}
+    compared: dict[str, ComparedHost] = {}
     no_layout: tuple[Diagnostic, ...] = ()
     try:
-        if seen:
-            report = look_for_drift(hosts.only(*seen), explain=explain)
-            drifts, no_layout = {drift.name: drift.drifted for drift in report.hosts}, report.problems
+        if looked:
+            report = look_for_drift(hosts.only(*looked), explain=explain)
+            compared, no_layout = {host.name: host for host in report.hosts}, report.problems
     except UseCaseError as error:
-        problems.update(dict.fromkeys(seen, error.findings))
+        problems.update(dict.fromkeys(looked, error.findings))
     overviews = tuple(
         HostOverview(name=name, problems=problems[name])
         if name in problems
-        else replace(_host_overview(hosts.system, name, *seen[name], drifts.get(name, ())), held_by=holders[name])
+        else _host_overview(hosts.system, compared[name], *looked[name])
         for name in hosts.chosen
     )
     return overviews, no_layout
 
 
-def _host_overview(
-    system: System, name: str, state: State, history: History, drifted: Sequence[ResourceDrift]
-) -> HostOverview:
-    application, runs = system.application.name, history.hosts.get(name, ())
-    tests = [partition for partition in state.partitions if partition.is_test]
-    state = replace(state, partitions=tuple(each for each in state.partitions if each not in tests))
-    drifted = [drift for drift in drifted if drift.address.partition not in TEST_PARTITIONS]
+def _host_overview(system: System, compared: ComparedHost, held_by: str, history: History) -> HostOverview:
+    seen = compared.seen
+    state = replace(seen.state, partitions=tuple(each for each in seen.state.partitions if not each.is_test))
     components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
-    kinds = {
-        drift.address.partition: drift.drift for drift in drifted if drift.address.partition and not drift.address.task
-    }
-    own = [partition for partition in state.of(application).partitions if partition.mark]
-    names = {partition.mark.name for partition in own if partition.mark}
+    kinds = {each.address.partition: each.drift for each in compared.drifted if not each.address.task}
     return HostOverview(
-        name=name,
-        now=host_now(name, application, state, runs, drifted),
-        totals=host_totals(
-            system.hosts[name],
-            state.facts,
-            totals_after(state, application, (), components),
-        ),
+        name=seen.name,
+        compared=compared,
+        totals=host_totals(seen.host, seen.facts, totals_after(state, seen.application, (), components)),
         partitions=tuple(
             PartitionStatus(
-                name=partition.mark.name,
-                components=components.get(partition.mark.name, ()),
+                name=name,
+                components=components.get(name, ()),
                 reserve=partition.settings.reserve,
                 processors=partition.settings.processors,
                 running=partition.settings.running,
-                stopped_by=partition.mark.stopped_by,
-                drift=kinds.get(partition.mark.name),
+                stopped_by=partition.mark.stopped_by if partition.mark else StoppedBy.NO_USER,
+                drift=kinds.get(name),
             )
-            for partition in sorted(own, key=lambda partition: partition.mark.name if partition.mark else "")
-            if partition.mark
+            for name, partition in sorted(seen.present.items())
+            if not partition.is_test
         ),
-        test_partitions=tuple(
-            TestPartitionStatus(
-                name=partition.shown_name,
-                application=partition.mark.application if partition.mark else "",
-                reserved_lp=Fraction(guaranteed(partition.settings.reserve, partition.settings.processors)),
-                running=partition.settings.running,
-            )
-            for partition in sorted(tests, key=lambda partition: partition.shown_name)
-        ),
-        is_measured=any(partition.mark and partition.mark.application == application for partition in tests),
-        other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),
-        unrecorded=history.unrecorded.get(name, ()),
-        last_run=runs[-1] if runs else None,
+        unrecorded=history.unrecorded.get(seen.name, ()),
+        held_by=held_by,
     )
 
 

@@ -42,7 +42,7 @@ def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) 
     changes = changed_manifest(plan, workspace.source)
     notes = [plain_text(sentences(note.detail, note.advice), manifest_options) for note in changes]
     hosts = known.overview.hosts if known.overview else ()
-    serials = {host.name: host.now.serial for host in hosts if host.now}
+    serials = {host.name: host.compared.serial for host in hosts if host.compared}
     moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
     if moved:
         notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")

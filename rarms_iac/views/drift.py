@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.drift import DriftReport, HostDrift
+from rarms_iac.app.compared_host import ComparedHost
+from rarms_iac.app.drift import DriftReport
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic
@@ -46,13 +47,13 @@ def name_findings(findings: Sequence[Diagnostic]) -> str:
     return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary})" for finding in findings))
 
 
-def _drifted_host(host: HostDrift) -> "Iterator[RenderableType]":
+def _drifted_host(host: ComparedHost) -> "Iterator[RenderableType]":
     yield styled((f"Host {host.name} ({show_processors(host.host_lp)})", STRONG))
     for drifted in sorted(host.drifted, key=lambda each: natural_order(str(each.address))):
         address, change = drifted.address, drifted.change
         differing = "; ".join(
             f"{attribute.name} is {attribute.before}, wanted {attribute.after}"
-            for attribute in (attributes_of(change, host.facts) if change is not None else ())
+            for attribute in (attributes_of(change, host.seen.facts) if change is not None else ())
             if attribute.differs and attribute.before is not None and attribute.after is not None
         )
         name = address.in_short

@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
+from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.data_logs import curves_in
-from rarms_iac.app.report_model import HostDifference, HostStatus, PlatformTuning
+from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.quantities import Unit, parse_quantity
+from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.verdicts import decide
@@ -42,10 +45,11 @@ FACES, SUCCESS, P95, PATHS = "m1-1", "m2-1", "m2-2", "m3-1"
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     folder = tmp_path_factory.mktemp("report")
-    difference = HostDifference(address=Address(partition="vision"), message="gone")
+    difference = ResourceDrift(address=Address(partition="vision"), drift=DriftKind.REMOVED, message="gone")
+    (host,) = SYSTEM.hosts.values()
     report = replace(
         report_of_logs(SYSTEM, the_logs(SYSTEM)),
-        statuses=(HostStatus(host="onboard", differs=(difference,)),),
+        hosts=(ComparedHost(seen=unseen(host, "robot"), drifted=(difference,)),),
         tunings=(PlatformTuning(platform="onboard", run=TUNED),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )

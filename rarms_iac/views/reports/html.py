@@ -99,8 +99,12 @@ def render_page(
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),
             statuses=[
-                (bool(status.differs), status.host, plain_text(applied_text(status), manifest_options))
-                for status in report.statuses
+                (
+                    bool(host.to_apply),
+                    host.name,
+                    plain_text(applied_text(host, is_planned=report.is_planned), manifest_options),
+                )
+                for host in report.hosts
             ],
             missing=plain_text(advise_to_measure(report.verdicts) or "", manifest_options),
             findings=[_finding(diagnostic, sources, manifest_options) for diagnostic in findings],

@@ -2,9 +2,12 @@
 
 from fractions import Fraction
 
-from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
-from rarms_iac.model.commands import Wording, prose
+from rarms_iac.app.compared_host import ComparedHost
+from rarms_iac.app.report_model import PlatformCapacity, PlatformTuning
+from rarms_iac.diff.drift import DriftKind
+from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
 from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
+from rarms_iac.views.drift import TITLES
 from rarms_iac.views.status import describe_other_claims
 from rarms_iac.views.tune import describe_proof
 from rarms_iac.views.verdicts import why_not_known
@@ -54,15 +57,15 @@ def tuning_text(tuning: PlatformTuning) -> str:
     return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
-def applied_text(status: HostStatus) -> Wording:
+def applied_text(host: ComparedHost, *, is_planned: bool) -> Wording:
     """Whether what the manifest asks for is on the host, and what brings it there."""
-    if not status.is_planned:
-        return prose("Nothing can be applied as it is: ", *status.commands, " tells why.")
-    if not status.differs:
+    if not is_planned:
+        return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
+    if not host.to_apply:
         return "Applied: the host is as the manifest wants it."
-    plan, apply = status.commands
     addresses_of: dict[str, list[str]] = {}
-    for difference in status.differs:
-        addresses_of.setdefault(difference.message, []).append(str(difference.address))
+    for difference in host.to_apply:
+        title = TITLES[DriftKind.NOT_APPLIED if difference.drift is DriftKind.MISSING else difference.drift]
+        addresses_of.setdefault(title, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return prose(f"{parts[:1].upper()}{parts[1:]}. ", plan, " shows what is to be done, ", apply, " does it.")
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")

@@ -91,8 +91,8 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
         yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
     if missing := advise_to_measure(report.verdicts):
         yield paragraph(missing)
-    for host in report.statuses:
-        yield paragraph(prose(f"{host.host}: ", applied_text(host)))
+    for host in report.hosts:
+        yield paragraph(prose(f"{host.name}: ", applied_text(host, is_planned=report.is_planned)))
     if report.proofs:
         yield ""
         yield "All together, as `rarms prove` measured them last:"

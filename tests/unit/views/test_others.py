@@ -5,7 +5,8 @@ from dataclasses import replace
 from rich.console import Console
 
 from rarms_iac.app.applying import UndoPreview
-from rarms_iac.app.drift import DriftReport, HostDrift
+from rarms_iac.app.compared_host import ComparedHost
+from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.graph import graph_of_layout
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import UNDO_PARTIAL
@@ -16,6 +17,8 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Closing, PastRun, RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.state import State
 from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.drift import drift_text
@@ -23,7 +26,7 @@ from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.history import history_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
-from tests.builders import the_delivery_robot
+from tests.builders import a_host, the_delivery_robot
 from tests.builders_plan import (
     create,
     facts,
@@ -51,7 +54,9 @@ def a_drift(*kinds: DriftKind) -> DriftReport:
         )
         for kind in kinds
     )
-    host = HostDrift(name="onboard", facts=facts(), drifted=drifted)
+    state = State(facts=facts(), partitions=(partition(),))
+    seen = SeenHost(host=a_host(), application="robot", state=state)
+    host = ComparedHost(seen=seen, drifted=drifted)
     return DriftReport(application="robot", hosts=(host,), unfinished={})
 
 
@@ -61,7 +66,9 @@ def test_no_drift_is_one_line() -> None:
 
 def test_unwritten_host_is_not_called_unchanged() -> None:
     report = a_drift()
-    untouched = replace(report, hosts=tuple(replace(host, is_written=False) for host in report.hosts))
+    (host,) = report.hosts
+    empty = replace(host.seen, state=replace(host.seen.state, partitions=()))
+    untouched = replace(report, hosts=(replace(host, seen=empty),))
 
     assert render(drift_text(untouched)) == "No drift. Nothing of robot is on onboard.\n"
 
