@@ -6,11 +6,12 @@ call; out, a value.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from rarms_iac.providers.simulated.reserve_packing import reserves_fit
+from rarms_iac.model.capacity import decide_packing
+from rarms_iac.model.claims import Claim
+from tests.builders import a_capacity
 from tests.fake_powershell.host import Vm, WindowsHost
 from tests.fake_powershell.values import (
     EMPTY,
@@ -278,11 +279,8 @@ def start_vm(caller: Caller, given: Given) -> Value:
     claims = [vm, *(other for other in host.vms.values() if other.active and other.id != vm.id)]
     smt = host.scheduler == CORE and any(each["logical"] != each["cores"] for each in host.processors)
     places = host.logical_processors // (2 if smt else 1)
-    sizes: Counter[int] = Counter()
-    for claim in claims:
-        sizes[claim.reserve] += places_of(claim, smt=smt)
-    wide = vm.reserve and places_of(vm, smt=smt) > places
-    if host.scheduler != ROOT and (wide or (vm.reserve and not reserves_fit(sizes, places))):
+    promises = [Claim(processors=places_of(each, smt=smt), reserve=each.reserve) for each in claims]
+    if host.scheduler != ROOT and vm.reserve and decide_packing(promises, a_capacity(places)) is False:
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
     writes = vm.wrote_entry or (vm.generation == 2 and bool(vm.disks))  # as Windows, shim and grub do
     _set(caller, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})

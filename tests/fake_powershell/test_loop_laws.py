@@ -1,17 +1,17 @@
 """The loop as a law: a random system on a random host is planned, its scripts run, and then there is nothing to do."""
 
-from collections import Counter
 from copy import deepcopy
 from dataclasses import replace
 
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.model.capacity import decide_packing
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.providers.simulated.reserve_packing import reserves_fit
-from tests.builders import a_host
+from tests.builders import a_capacity, a_host
 from tests.effort import examples
 from tests.fake_powershell.cell import Cell, apply, undo
 from tests.fake_powershell.cells import a_stranger, a_windows
@@ -61,10 +61,8 @@ def laid_out(draw: st.DrawFn) -> Cell:
 def within(host: WindowsHost) -> None:
     """What the host has promised to what runs fits: per processor, and in memory."""
     active = [vm for vm in host.vms.values() if vm.active]
-    sizes: Counter[int] = Counter()
-    for vm in active:
-        sizes[vm.reserve] += vm.processors
-    assert reserves_fit(sizes, host.logical_processors), sizes
+    promises = [Claim(processors=vm.processors, reserve=vm.reserve) for vm in active]
+    assert decide_packing(promises, a_capacity(host.logical_processors)) is not False, promises
     assert sum(vm.memory for vm in active) <= host.memory
 
 

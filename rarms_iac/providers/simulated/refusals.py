@@ -1,9 +1,10 @@
 """What a simulated host refuses as Hyper-V does (windows.md 1.2, 3, 5), reserves included. Pure."""
 
-from collections import Counter
 from collections.abc import Mapping
+from fractions import Fraction
 
 from rarms_iac.diff.readings import disk_readings
+from rarms_iac.model.capacity import Capacity, core_sharing, decide_packing
 from rarms_iac.model.commands import PLAN, Wording, prose
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -27,10 +28,9 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
     WriteTaskRecord,
 )
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes, write_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, Bytes, LogicalProcessors, show_bytes, write_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RegistryValue, Rights, RunState, TaskRecord, ValueKind
 from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine
-from rarms_iac.providers.simulated.reserve_packing import reserves_fit
 
 LONGEST_NAME = 100
 """Characters of a machine's name (windows.md 10)."""
@@ -216,12 +216,16 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
             f"and there are {facts.logical_processors} logical ones",
             "Give it fewer processors, or no reserve.",
         )
-    # Under the core scheduler two threads of a core never run two machines (windows.md 2).
-    threads = 2 if facts.smt and facts.scheduler is SchedulerType.CORE else 1
-    sizes: Counter[int] = Counter()
-    for running in (machine, *_others_with_resources(machine, content)):
-        sizes[running.settings.reserve] += -(-running.settings.processors // threads)
-    if reserves_fit(sizes, facts.logical_processors // threads):
+    sharing, processors = core_sharing(facts), facts.logical_processors
+    capacity = Capacity(
+        logical_processors=processors,
+        processors=LogicalProcessors(Fraction(processors)),
+        memory=Bytes(facts.memory),
+        sharing=sharing,
+    )
+    running = (each.settings for each in (machine, *_others_with_resources(machine, content)))
+    claims = [sharing.claim(each.processors, each.reserve, each.memory) for each in running]
+    if decide_packing(claims, capacity) is not False:  # where it is not known, the documented limit is only the sum
         return
     raise Refusal(
         f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "

@@ -6,12 +6,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.capacity import Capacity, capacity_of, core_sharing, fits, packs
+from rarms_iac.model.capacity import Capacity, capacity_of, core_sharing, decide_packing, fits, packs
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, load_of
 from rarms_iac.model.host import SERVER_2019, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from tests.builders import a_capacity, a_host
 from tests.strategies import facts_for
+
+ONE_BY_ONE = [
+    ([], 1, True),
+    ([0, 0, 0], 1, True),
+    ([100], 1, True),
+    ([60, 60, 60], 2, False),
+    ([60, 50, 40, 30, 20], 2, True),  # first fit fails where it begins with 60 + 40
+    ([50, 50, 50, 50], 2, True),
+    ([34] * 9, 3, False),
+    ([46, 42, 40, 38, 34], 2, False),
+    ([44, 24, 24, 22, 21, 17, 16, 16, 16], 2, True),  # 44+24+16+16, 24+22+21+17+16
+]
+
+
+@pytest.mark.parametrize(("sizes", "processors", "expected"), ONE_BY_ONE)
+def test_examples_of_packing(sizes: list[int], processors: int, expected: bool) -> None:
+    assert decide_packing([claim(size) for size in sizes], a_capacity(processors)) is expected
 
 
 def claim(reserve: int, processors: int = 1, memory: int = 0) -> Claim:
