@@ -10,6 +10,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NewType, Union, get_args, get_origin, get_type_hints
 
 from rarms_iac.model.output import OpenBound, OutputText, output_hints
+from rarms_iac.model.series import Sample
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
@@ -23,6 +24,42 @@ _PLAIN: Mapping[Any, Schema] = {
     Fraction: {"type": "string", "pattern": "^-?[0-9]{1,40}(/[1-9][0-9]{0,40})?$"},
     date: {"type": "string", "format": "date"},
 }
+
+
+_SAMPLES: Schema = {
+    "description": "Samples as columns, in the order in which their jobs ended.",
+    "type": "object",
+    "properties": {
+        "began_ms": {
+            "type": "array",
+            "items": {"type": "number"},
+            "description": "When each job began; of a periodic job, when it was due; may be below 0.",
+        },
+        "response_ms": {
+            "type": "array",
+            "items": {"type": ["number", "null"]},
+            "description": "The response time of each; null: no answer.",
+        },
+        "unsuccessful": {
+            "type": "array",
+            "items": {"type": "integer", "minimum": 0},
+            "description": "Which were unsuccessful, from 0; absent: none.",
+        },
+        "counts": {
+            "type": "array",
+            "items": {"type": "number"},
+            "description": "How much each did; absent: one each.",
+        },
+        "failures": {
+            "type": "object",
+            "additionalProperties": {"type": "string"},
+            "description": "Why a sample failed, by its number from 0; absent: none.",
+        },
+    },
+    "required": ["began_ms", "response_ms"],
+    "additionalProperties": False,
+}
+"""As the codec writes samples."""
 
 
 def schema_of(record: type) -> Schema:
@@ -67,6 +104,8 @@ def _compound(origin: Any, arguments: tuple[Any, ...], definitions: dict[str, Sc
         return {"anyOf": parts if record is _output else _told_by_names(arguments, parts)}
     if origin is Mapping:
         return {"type": "object", "additionalProperties": parts[1]}
+    if origin is Sequence and arguments == (Sample,) and record is not _output:
+        return _SAMPLES
     if origin in (frozenset, Sequence) or (origin is tuple and arguments[1:] == (...,)):
         return {"type": "array", "items": parts[0]}
     if origin is tuple:

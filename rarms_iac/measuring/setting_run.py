@@ -34,7 +34,7 @@ from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.storage.datalog.columns import as_recorded
+from rarms_iac.storage.datalog.log import as_recorded
 
 SEED_STEP = 101
 """More than there are settings, so that no two of them share a seed."""

@@ -1,25 +1,27 @@
-"""Our frozen values as JSON and back, by their type hints: journals, plan files and snapshots.
+"""Our frozen values as JSON and back, by their type hints: journals, data logs, plan files and snapshots.
 
 A dataclass becomes an object of its fields, an enumeration its value, a `Fraction` the text `1/3`, a date its ISO
-text, a tuple or frozenset an array, a mapping with text as keys an object in its own order. In a union of dataclasses
-the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it. A
-field of `Any` holds JSON as it is.
-Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
-guessed and nothing is executed.
+text, a tuple or frozenset an array, a mapping with text as keys an object in its own order, samples an object of
+columns. In a union of dataclasses the member is told by its `kind` field; where the members have none, an object
+`{"<class name>": {...}}` says it. A field of `Any` holds JSON as it is. Reading is strict: what is unknown, missing or
+of a wrong type is `NotDecodable`, with the path to it. Nothing is guessed and nothing is executed.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import MISSING, Field, fields, is_dataclass
 from datetime import date
 from enum import Enum
 from fractions import Fraction
 from functools import cache
-from math import inf, isfinite
+from math import inf, isfinite, isnan, nan
 from re import compile as pattern
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from rarms_iac.model.output import OpenBound, OutputText, output_hints
+from rarms_iac.model.series import LARGEST_SAMPLE, Sample, SampleColumns, columns_of
 from rarms_iac.storage.ranges import ANY, Range, range_of
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
@@ -27,6 +29,7 @@ Encode = Callable[[Any], Json]
 Decode = Callable[[Any, str], Any]
 T = TypeVar("T")
 
+_NUMBER_OF_A_SAMPLE = pattern("[0-9]{1,12}")
 _FRACTION = pattern(r"-?[0-9]{1,40}(/[1-9][0-9]{0,40})?")
 _KIND = "kind"
 _INFINITE = {"inf": inf, "-inf": -inf}
@@ -177,6 +180,8 @@ def _encoder(hint: Any) -> Encode:
         return _encode_union(arguments)
     if origin is tuple:
         return _encode_tuple(arguments)
+    if hint == Sequence[Sample]:
+        return _encode_samples
     if origin is Sequence:
         return _encode_tuple((arguments[0], ...))
     if origin is frozenset:
@@ -214,6 +219,8 @@ def _decoder(hint: Any) -> Decode:
         return _decode_union(arguments)
     if origin is tuple:
         return _decode_tuple(arguments)
+    if hint == Sequence[Sample]:
+        return _decode_samples
     if origin is Sequence:
         return _decode_tuple((arguments[0], ...))
     if origin is frozenset:
@@ -266,11 +273,7 @@ def _decode_dataclass(cls: type) -> Decode:
     def read(data: Any, path: str) -> Any:
         if not parts:
             parts.update((field.name, decoder_of_field(cls.__name__, field.name, hint)) for field, hint in _hints(cls))
-        given = _object(data, path)
-        if unknown := given.keys() - parts.keys():
-            raise NotDecodable(_below(path, min(unknown)), "there is no such field")
-        if missing := required - given.keys():
-            raise NotDecodable(_below(path, min(missing)), "the field is missing")
+        given = _fields(data, path, required, parts.keys())
         return cls(**{name: parts[name](value, _below(path, name)) for name, value in given.items()})
 
     return read
@@ -350,7 +353,7 @@ def _encode_union(members: tuple[Any, ...]) -> Encode:
 def _decode_union(members: tuple[Any, ...]) -> Decode:
     classes = [_bare(member) for member in members]
     records = [task_class for task_class in classes if _is_record(task_class)]
-    plain = [task_class for task_class in classes if not _is_record(task_class)]
+    plain = [task_class for task_class in classes if not _is_record(task_class) and task_class is not NoneType]
     kinds = {kind: record for record in records if (kind := _kind_of(record)) is not None}
     wrapped = {record.__name__: record for record in records if _kind_of(record) is None}
 
@@ -366,13 +369,15 @@ def _decode_union(members: tuple[Any, ...]) -> Decode:
     def read(data: Any, path: str) -> Any:
         if records and type(data) is dict:
             return read_record(data, path)
-        problem = NotDecodable(path, f"{_shortened(data)} does not fit here")
-        for hint in plain:
-            try:
+        if data is None and NoneType in classes:
+            return None
+        for hint in plain[:-1]:
+            # NOTE: the exception is not kept: its frames hold the whole line of a long log until they are collected.
+            with suppress(NotDecodable):
                 return _decoder(hint)(data, path)
-            except NotDecodable as no:
-                problem = no if len(plain) == 1 or hint is not NoneType else problem
-        raise problem
+        if plain:
+            return _decoder(plain[-1])(data, path)
+        raise NotDecodable(path, f"{_shortened(data)} does not fit here")
 
     return read
 
@@ -400,6 +405,75 @@ def _decode_tuple(arguments: tuple[Any, ...]) -> Decode:
         return tuple(part(item, f"{path}[{at}]") for at, (part, item) in enumerate(zip(parts, items, strict=True)))
 
     return read
+
+
+_SAMPLE_COLUMNS = frozenset({"began_ms", "response_ms"})
+_RARE_COLUMNS = frozenset({"unsuccessful", "counts", "failures"})
+"""Columns that are left out where they have what is usual: a success, a count of one, no failure."""
+
+
+def _encode_samples(samples: Sequence[Sample]) -> Json:
+    """Return columns of numbers rather than an object a sample, so that a reviewer can read along."""
+    columns = columns_of(samples)
+    document: dict[str, Json] = {
+        "began_ms": list(columns.began_ms),
+        "response_ms": [None if isnan(time) else time for time in columns.response_ms],
+    }
+    if 0 in columns.successful:
+        document["unsuccessful"] = [at for at, successful in enumerate(columns.successful) if not successful]
+    if any(count != 1 for count in columns.counts):
+        document["counts"] = list(columns.counts)
+    if columns.failures:
+        document["failures"] = {str(at): reason for at, reason in columns.failures.items()}
+    return document
+
+
+def _decode_samples(data: Any, path: str) -> SampleColumns:
+    given = _fields(data, path, _SAMPLE_COLUMNS, _SAMPLE_COLUMNS | _RARE_COLUMNS)
+    # A job may have begun, or been due, before its host had settled and samples counted.
+    began = _column(given["began_ms"], f"{path}.began_ms", least=-LARGEST_SAMPLE)
+    answers = _column(given["response_ms"], f"{path}.response_ms", others=NoneType)
+    counts = _column(given["counts"], f"{path}.counts") if "counts" in given else array("d", [1.0]) * len(began)
+    if not len(began) == len(answers) == len(counts):
+        raise NotDecodable(path, "its columns are of different lengths")
+    successful = bytearray(b"\1") * len(began)
+    for at in sample_numbers(given.get("unsuccessful", []), len(began), f"{path}.unsuccessful"):
+        successful[at] = 0
+    failures = _decoder(Mapping[str, str])(given.get("failures", {}), f"{path}.failures")
+    if not all(map(_NUMBER_OF_A_SAMPLE.fullmatch, failures)):
+        raise NotDecodable(f"{path}.failures", "its keys are no numbers of samples")
+    sample_numbers(list(map(int, failures)), len(began), f"{path}.failures")
+    return SampleColumns(
+        began_ms=began,
+        response_ms=answers,
+        successful=bytes(successful),
+        counts=counts,
+        failures=dict(sorted((int(at), reason) for at, reason in failures.items())),
+    )
+
+
+def _column(data: Any, path: str, least: float = 0.0, others: type = float) -> "array[float]":
+    """Return a column of numbers, NaN for null. NOTE: it is checked as a whole; a log holds many thousand numbers."""
+    types = set(map(type, _array(data, path)))
+    if not types <= {int, float, others}:
+        raise NotDecodable(path, "it holds what is no number")
+    numbers = [value for value in data if value is not None] if NoneType in types else data
+    if numbers and not (min(numbers) >= least and max(numbers) <= LARGEST_SAMPLE):
+        raise NotDecodable(path, f"a number is below {least:g} or above {LARGEST_SAMPLE:.0e}")
+    return array("d", [nan if value is None else value for value in data] if NoneType in types else data)
+
+
+def sample_numbers(data: Any, length: int, path: str) -> Sequence[int]:
+    """Return numbers of samples, of which there are `length`.
+
+    Raises:
+        NotDecodable: it is something else, or a sample is not there.
+    """
+    if not isinstance(data, list | tuple) or not set(map(type, data)) <= {int}:
+        raise NotDecodable(path, "it is no array of whole numbers")
+    if data and (min(data) < 0 or max(data) >= length):
+        raise NotDecodable(path, f"it names a sample that is not there: there are {length}")
+    return data
 
 
 def _exactly(cls: Any) -> Decode:
@@ -446,6 +520,15 @@ def _object(data: Any, path: str) -> dict[str, Any]:
     if type(data) is not dict:
         raise NotDecodable(path, f"{_shortened(data)} is no object")
     return data
+
+
+def _fields(data: Any, path: str, required: Set[str], known: Set[str]) -> dict[str, Any]:
+    given = _object(data, path)
+    if unknown := given.keys() - known:
+        raise NotDecodable(_below(path, min(unknown)), "there is no such field")
+    if missing := required - given.keys():
+        raise NotDecodable(_below(path, min(missing)), "the field is missing")
+    return given
 
 
 def _array(data: Any, path: str) -> list[Any]:

@@ -7,12 +7,15 @@ where classes differ by class and name.
 from collections.abc import Mapping
 from math import inf
 
+from rarms_iac.model.series import LARGEST_SAMPLE
+
 Range = tuple[float, float]
 
 ANY: Range = (-inf, inf)
 COUNT: Range = (0, 2**64 - 1)
 AT_LEAST_ONE: Range = (1, 2**64 - 1)
 PERCENT: Range = (0, 100)
+TIME: Range = (0, LARGEST_SAMPLE)
 PROCESSORS: Range = (1, 2048)
 """As many as a manifest can give to a host."""
 
@@ -34,6 +37,10 @@ RANGES: Mapping[str, Range] = {
     "processors": PROCESSORS,
     "quota_period_us": AT_LEAST_ONE,
     "RegistryValue.data": ANY,
+    "Series.cpu_ms": TIME,
+    "Series.elapsed_ms": TIME,
+    "Setting.processors": (0, 2048),
+    "Setting.spent_ms": TIME,
     "reserve": PERCENT,
     "Setting.reserve": (1, 100),
     "Step.after": ANY,

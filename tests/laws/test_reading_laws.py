@@ -24,14 +24,12 @@ from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import plain
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
-from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.providers.hyperv.observation import HostObservation
 from rarms_iac.providers.simulated.content import Content
 from rarms_iac.storage.codec import NotDecodable, decoder_of_field, has_numbers
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, TuningRun
-from rarms_iac.storage.datalog.log import Header, Provenance, Remeasurement
+from rarms_iac.storage.datalog.log import Header, LogRecord
 from rarms_iac.storage.plan_file import PlanFile
 from rarms_iac.storage.ranges import RANGES, range_of
 from tests.effort import examples
@@ -117,10 +115,9 @@ def test_manifest_with_line_lost_or_changed_never_raises(
 
 READ = (
     *(State, PlanFile, RunStarted, StepRecorded, RunClosed, ScriptStarted, HostObservation, Content),
-    *(Header, Provenance, Remeasurement, SettingEvidence, Chosen, Proven, TuningRun),
-    Sample,
+    *(Header, LogRecord, Chosen, Proven, TuningRun),
 )
-"""The types of what is read; the samples of a data log have a reader of their own, those from a robot do not."""
+"""The types of what is read."""
 
 
 def records_in(hint: Any, known: dict[type, None]) -> None:
@@ -138,7 +135,7 @@ def records_in(hint: Any, known: dict[type, None]) -> None:
 
 @cache
 def numbers() -> tuple[tuple[str, str, Any], ...]:
-    known: dict[type, None] = {Setting: None}
+    known: dict[type, None] = {}
     for record in READ:
         records_in(record, known)
     return tuple(

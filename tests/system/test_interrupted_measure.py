@@ -66,7 +66,7 @@ def goes_on(folder: Path, known: int) -> None:
 def reserves(folder: Path) -> list[int]:
     """What is recorded whole, in order; the first line is the header."""
     lines = log_of(folder).read_text(encoding="utf-8").split("\n")[1:-1]
-    return [json.loads(line)["reserve"] for line in lines]
+    return [json.loads(line)["record"]["Recorded"]["setting"]["reserve"] for line in lines]
 
 
 def machines(folder: Path) -> object:

@@ -4,31 +4,24 @@ A data log has headers, and each other record names the digest of its own. So tw
 by keeping the lines of both, in any order.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.append import Damaged, LogLine, Record, append_lines, iterate_log, sealed_line
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
-from rarms_iac.storage.datalog.columns import line_of, setting_in
+from rarms_iac.storage.append import Damaged, LogLine, append_lines, iterate_log, sealed_line
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, sample_numbers
 from rarms_iac.storage.datalog.identity import header_digest
-from rarms_iac.storage.datalog.log import FORMAT, Header, LogFile, Recorded, Remeasurement
+from rarms_iac.storage.datalog.log import FORMAT, Header, LogFile, LogRecord, Recorded, Remeasurement, as_recorded
 from rarms_iac.storage.disk import MEASUREMENTS, make_folders
 
 T = TypeVar("T")
 
 CONFIGURATION, TUNING = ".configuration.jsonl", "tuning.jsonl"
 """Names of the logs of decisions: the end of a component's, and that of a platform."""
-
-HEADER_FIELD = "header"
-"""The digest of a record's header."""
-
-REMEASUREMENT_FIELD = "pass"
-"""The field of a pass's record; of several records of a pass the last holds."""
 
 
 class LogUnreadable(Exception):
@@ -44,7 +37,7 @@ class LogUnreadable(Exception):
 
 def append_remeasurement(path: Path, header: Header, remeasurement: Remeasurement) -> None:
     """Add that a pass begins; as `append_setting`."""
-    _append_below(path, header, {REMEASUREMENT_FIELD: encode(remeasurement)})
+    _append_below(path, header, remeasurement)
 
 
 def end_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
@@ -57,7 +50,7 @@ def end_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
     file = read_log(path)
     assert file is not None, "it began there"
     header = next(digest for digest, begun in file.remeasurements if begun == remeasurement)
-    _append_below(path, file.headers[header], {REMEASUREMENT_FIELD: encode(replace(remeasurement, ended=True))})
+    _append_below(path, file.headers[header], replace(remeasurement, ended=True))
 
 
 def append_setting(path: Path, header: Header, recorded: Recorded) -> None:
@@ -73,14 +66,14 @@ def append_setting(path: Path, header: Header, recorded: Recorded) -> None:
         LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    _append_below(path, header, line_of(recorded))
+    _append_below(path, header, replace(recorded, setting=as_recorded(recorded.setting)))
 
 
-def _append_below(path: Path, header: Header, record: Record) -> None:
+def _append_below(path: Path, header: Header, record: Recorded | Remeasurement) -> None:
     file = read_log(path)
     if file is None or header.digest not in file.headers:
         append_to_log(path, header)
-    _append(path, {HEADER_FIELD: header.digest, **record})
+    append_to_log(path, LogRecord(header=header.digest, record=record))
 
 
 def append_to_log(path: Path, value: object) -> None:
@@ -96,10 +89,6 @@ def append_to_log(path: Path, value: object) -> None:
     make_folders(path.parent)
     record = encode(value)
     assert isinstance(record, dict)
-    _append(path, record)
-
-
-def _append(path: Path, record: Record) -> None:
     with log_errors():
         append_lines(path, sealed_line(record), in_git=True)
 
@@ -194,7 +183,7 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
         OSError: it cannot be read.
     """
     headers: dict[str, Header] = {}
-    below: list[tuple[int, _BelowHeader]] = []
+    below: list[tuple[int, LogRecord]] = []
     for number, value in _numbered_values(lines, path, _value_in):
         if isinstance(value, Header):
             headers.setdefault(value.digest, value)
@@ -207,8 +196,7 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
             raise LogUnreadable(path, number, f"the log has no header {quoted(value.header)}, which it names")
         match value.record:
             case Recorded() as record:
-                if wrong := _wrong_members(record, headers[value.header]):
-                    raise LogUnreadable(path, number, wrong)
+                _check_members(record, headers[value.header], path, number)
                 recorded.append((value.header, record))
             case Remeasurement() as remeasurement:
                 key = (value.header, remeasurement.seed, remeasurement.begun)
@@ -221,36 +209,22 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _BelowHeader:
-    """A record of a data log, with the digest of its header."""
-
-    header: str
-    record: Recorded | Remeasurement
-
-
-def _value_in(record: dict[str, Json]) -> Header | _BelowHeader:
+def _value_in(record: dict[str, Json]) -> Header | LogRecord:
     if "format_version" in record:
         return _header(record)
-    header = record.pop(HEADER_FIELD, None)
-    if not isinstance(header, str):
-        raise NotDecodable(HEADER_FIELD, "it is not the digest of a header")
-    is_remeasurement = REMEASUREMENT_FIELD in record
-    return _BelowHeader(header, _remeasurement_in(record) if is_remeasurement else setting_in(record))
+    value = decode(LogRecord, record)
+    if isinstance(value.record, Recorded):
+        for series in value.record.setting.series:
+            sample_numbers((*series.starts, *series.runs), len(series.samples), f"series of {series.component}")
+    return value
 
 
-def _wrong_members(recorded: Recorded, header: Header) -> str:
+def _check_members(recorded: Recorded, header: Header, path: Path, line: int) -> None:
     components = sorted(series.component for series in recorded.setting.series)
     members = sorted(header.setup.members)
-    if components == members:
-        return ""
-    return f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}"
-
-
-def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
-    if unknown := record.keys() - {REMEASUREMENT_FIELD}:
-        raise NotDecodable(min(unknown), "there is no such field")
-    return decode(Remeasurement, record[REMEASUREMENT_FIELD])
+    if components != members:
+        message = f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}"
+        raise LogUnreadable(path, line, message)
 
 
 def _header(record: dict[str, Json]) -> Header:

@@ -1,14 +1,17 @@
 """A data log: headers, and a setting a line with where it comes from."""
 
+from array import array
 from collections.abc import Collection, Hashable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.series import SampleColumns, columns_of
 from rarms_iac.model.setting import Setting, join_settings
 
-FORMAT = "rarms-datalog/2"
+FORMAT = "rarms-datalog/3"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +63,40 @@ class Recorded:
         return bool(self.provenance.beside)
 
 
+DIGITS = 4
+"""Decimals of a millisecond that a log keeps."""
+
+
+def as_recorded(setting: Setting) -> Setting:
+    """Return the setting as it will be read back: its times rounded.
+
+    All that decides by what was measured decides by this, so that a run that goes on from its log decides the same.
+    """
+    is_real = setting.evidence is not None
+    series = (replace(each, samples=columns_of(each.samples), wanders=is_real) for each in setting.series)
+    rounded: Setting = _rounded(replace(setting, series=tuple(series)))
+    return rounded
+
+
+def _rounded(value: Any) -> Any:
+    match value:
+        case float():
+            return round(value, DIGITS)
+        case array():
+            return array("d", [round(time, DIGITS) for time in value])
+        case SampleColumns():
+            times = {"began_ms": _rounded(value.began_ms), "response_ms": _rounded(value.response_ms)}
+            return replace(value, **times, known={})
+        case Mapping():
+            return {name: _rounded(item) for name, item in sorted(value.items())}
+        case tuple():
+            return tuple(map(_rounded, value))
+        case _ if is_dataclass(value) and not isinstance(value, type):
+            return replace(value, **{part.name: _rounded(getattr(value, part.name)) for part in fields(value)})
+        case _:
+            return value
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remeasurement:
     """Measuring all that was asked for once more, beside what is recorded: who is killed in it goes on with it."""
@@ -68,6 +105,14 @@ class Remeasurement:
     asked: str  # what was asked for, so that the same command is known again
     begun: str  # UTC; the same in all logs that one command is about
     ended: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogRecord:
+    """A line of a data log that is no header."""
+
+    header: str  # its digest
+    record: Recorded | Remeasurement  # of several records of a remeasurement the last holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)

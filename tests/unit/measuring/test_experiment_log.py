@@ -1,6 +1,5 @@
 """Measuring once more, and measuring for two: passes that go on, logs that one writes at a time, busy settings."""
 
-import json
 from collections.abc import Iterator
 from contextlib import chdir, suppress
 from pathlib import Path
@@ -142,4 +141,3 @@ def test_quiet_setting_replaces_a_busy_one(here: Path) -> None:
 
     assert DataLog(header=log.header, recorded=(busy, quiet)).counting == (quiet,)
     assert DataLog(header=log.header, recorded=(quiet, busy)).counting == (quiet, busy)
-    assert json.loads(lines[1])["reserve"] == quiet.setting.reserve

@@ -40,7 +40,7 @@ from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
 from tests.effort import examples
 from tests.fluid import fluid
-from tests.measuring import rewrite_log
+from tests.measuring import rewrite_log, the_log
 from tests.unit.cli.running import rarms
 from tests.unit.measuring.bench import Bench
 
@@ -326,8 +326,7 @@ def manifest(tmp_path: Path) -> Path:
 
 def recorded() -> list[tuple[int, int | None]]:
     """Of each setting of the log its virtual processors, and how many were used at once."""
-    lines = [json.loads(line) for line in LOG.read_text(encoding="utf-8").splitlines()]
-    return [(line["processors"], line.get("used_processors")) for line in lines if "series" in line]
+    return [(each.setting.processors, each.setting.used_processors) for each in the_log(LOG).recorded]
 
 
 @pytest.mark.parametrize(("threads", "used"), [(1, 1), (2, 2), (6, 4)])

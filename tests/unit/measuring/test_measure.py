@@ -18,6 +18,7 @@ from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.lock import hold
 from tests.builders import a_host, at_most
+from tests.measuring import the_log
 from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import Ran, rarms
 
@@ -183,8 +184,8 @@ def test_seed_places_chance_and_changes_no_count(here: Path) -> None:
     longer = measured("--from", "40%", "--to", "60%", "--seed", "2")
 
     assert (other["new"], longer["new"]) == (0, 1)
-    lines = (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").read_text(encoding="utf-8").splitlines()
-    assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2]
+    log = the_log(here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl")
+    assert [each.setting.seed for each in log.recorded] == [1, 1, 2]
 
 
 def test_a_changed_component_is_measured_again(here: Path) -> None:
@@ -234,7 +235,7 @@ def test_running_partitions_block_unless_borne(here: Path) -> None:
     assert borne.code == 0, borne.err
     assert "RARMS105" in borne.err
     log = here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
-    assert json.loads(log.read_text(encoding="utf-8").splitlines()[-1])["provenance"]["beside"] == ["vision"]
+    assert the_log(log).recorded[-1].provenance.beside == ("vision",)
 
 
 def test_a_held_host_is_measured_by_one_only(here: Path) -> None:
@@ -322,7 +323,7 @@ def test_several_components_are_measured_together_in_one_partition(here: Path) -
 
     assert together["components"] == ["speech", "vision"]
     assert together["log"] == "measurements/onboard/speech+vision/busy-loop.jsonl"
-    log = (here / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl").read_text(encoding="utf-8")
-    header, *lines = map(json.loads, log.splitlines())
-    assert header["setup"]["memory"] == (256 + 512) * 2**20
-    assert [[series["component"] for series in line["series"]] for line in lines] == [["speech", "vision"]] * 2
+    log = the_log(here / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl")
+    assert log.header.setup.memory == (256 + 512) * 2**20
+    components = [[series.component for series in each.setting.series] for each in log.recorded]
+    assert components == [["speech", "vision"]] * 2

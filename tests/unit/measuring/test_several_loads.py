@@ -17,7 +17,7 @@ from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Suffici
 from rarms_iac.model.setting import OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from tests.builders import a_component, a_host, a_system
-from tests.measuring import leave_logs, rewrite_log, with_weak_load
+from tests.measuring import leave_logs, rewrite_log, the_log, with_weak_load
 from tests.unit.cli.running import rarms
 
 SYSTEM = a_system(hosts=[a_host(), a_host("other")], components=[a_component("vision"), a_component("speech")])
@@ -201,8 +201,7 @@ def test_weak_answer_counts_only_on_request(tmp_path: Path) -> None:
     assert "RARMS326" in refused.err
     assert not before
     assert (swept.code, wanted.code, both.code) == (0, 0, 0), swept.err + wanted.err + both.err
-    recorded = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()[1:]]
-    assert all(line["provenance"]["weak_load"] for line in recorded)
+    assert all(recorded.provenance.weak_load for recorded in the_log(log).recorded)
     assert planned.code in (0, 2)
     assert "warning[RARMS325]" in planned.out + planned.err
 

@@ -1,7 +1,6 @@
 """The log of tuning: a run comes back as it was written, is not written twice, and damage is told."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,9 @@ import pytest
 
 from rarms_iac.model.series import Sample
 from rarms_iac.storage.append import append
-from rarms_iac.storage.datalog.columns import as_recorded, line_of
+from rarms_iac.storage.codec import encode
 from rarms_iac.storage.datalog.decisions import Chosen, append_run, last_chosen, read_entries, read_runs, tuning_path
 from rarms_iac.storage.datalog.files import (
-    HEADER_FIELD,
     LogUnreadable,
     append_setting,
     append_to_log,
@@ -22,7 +20,7 @@ from rarms_iac.storage.datalog.files import (
     log_path,
     read_log,
 )
-from rarms_iac.storage.datalog.log import Recorded
+from rarms_iac.storage.datalog.log import LogRecord, Recorded, as_recorded
 from scripts.file_schemas import data_log_schema
 from tests.builders_measured import PROVEN, TAKEN, TUNED, a_bench, a_header, a_series, a_setting, a_subject
 from tests.measuring import the_log
@@ -36,8 +34,14 @@ def a_file(folder: Path, *reserves: int) -> Path:
     return path
 
 
-def append_line(path: Path, line: Mapping[str, Any]) -> None:
-    append(path, {HEADER_FIELD: a_header().digest, **line})
+def append_changed(path: Path, *keys: str | int, value: Any) -> None:
+    """Append the record of a setting in which one value is another."""
+    record: Any = encode(LogRecord(header=a_header().digest, record=Recorded(setting=a_setting(), provenance=TAKEN)))
+    part = record["record"]["Recorded"]["setting"]
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
+    append(path, record)
 
 
 def test_log_path_names_components_platform_and_load(tmp_path: Path) -> None:
@@ -97,8 +101,7 @@ def test_missing_log_is_none_and_empty_damaged(tmp_path: Path) -> None:
 
 def test_setting_without_member_series_is_none(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
-    line = line_of(Recorded(setting=replace(a_setting(), series=()), provenance=TAKEN))
-    append_line(path, line)
+    append_changed(path, "series", value=[])
 
     with pytest.raises(LogUnreadable, match="series: it is of nothing, not of"):
         read_log(path)
@@ -116,8 +119,7 @@ def test_setting_without_member_series_is_none(tmp_path: Path) -> None:
 )
 def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, message: str) -> None:
     path = a_file(tmp_path)
-    line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
-    append_line(path, {**line, before: after})
+    append_changed(path, before, value=after)
 
     with pytest.raises(LogUnreadable, match=message):
         read_log(path)
@@ -131,13 +133,13 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
         ("began_ms", [None, 2], "no number"),
         ("unsuccessful", [2], "not there"),
         ("failures", {"x": "died"}, "no numbers of samples"),
-        ("failures", {"1": 4}, "no object of texts"),
+        ("failures", {"1": 4}, "4 is no text"),
+        ("colours", [], "no such field"),
     ],
 )
 def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, message: str) -> None:
     path = a_file(tmp_path)
-    line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
-    append_line(path, {**line, "series": [{**line["series"][0], column: value}]})
+    append_changed(path, "series", 0, "samples", column, value=value)
 
     with pytest.raises(LogUnreadable, match=message):
         read_log(path)
@@ -189,8 +191,9 @@ def test_log_lines_follow_the_schema(tmp_path: Path) -> None:
 
     for line in lines:
         validator.validate(line)
+    lines[1]["record"]["Recorded"]["setting"]["reserve"] = 0
     with pytest.raises(jsonschema.ValidationError):
-        validator.validate({**lines[1], "reserve": 0})
+        validator.validate(lines[1])
 
 
 def test_runs_come_back_in_order(tmp_path: Path) -> None:

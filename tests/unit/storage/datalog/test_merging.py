@@ -12,7 +12,7 @@ from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.datalog import merging
 from rarms_iac.storage.datalog.decisions import read_entries, read_runs
-from rarms_iac.storage.datalog.files import HEADER_FIELD, LogUnreadable, append_setting, append_to_log, read_log
+from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, append_to_log, read_log
 from rarms_iac.storage.datalog.identity import header_digest
 from rarms_iac.storage.datalog.log import Header, Recorded
 from rarms_iac.storage.datalog.merging import is_log, merge_records, new_records
@@ -98,8 +98,8 @@ def resealed(change: Callable[[dict[str, object]], dict[str, object]]) -> Callab
         (lambda came: b"\xfd7zXZ\x00" * 30, "damaged"),
         (lambda came: b"", "empty"),
         (lambda came: came.split(b"\n", 1)[1], "has no header"),
-        (lambda came: came + sealed_line({HEADER_FIELD: a_header().digest, "colour": "red"}), "field is missing"),
-        (lambda came: came + sealed_line({"colour": "red"}), "not the digest of a header"),
+        (lambda came: came + sealed_line({"header": a_header().digest}), "field is missing"),
+        (lambda came: came + sealed_line({"colour": "red"}), "no such field"),
         (lambda came: b"<<<<<<< ours\n" + came, "merge conflict"),
         (resealed(lambda header: {**header, "digest": "0" * 16}), "not the digest of this header"),
         (resealed(lambda header: {**header, "platform": "other"}), "not the digest of this header"),
