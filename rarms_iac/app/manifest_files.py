@@ -1,6 +1,5 @@
 """Writing manifests: a first one to start from, and any in its canonical form."""
 
-from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
 from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
-from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
-from rarms_iac.manifest.text.reading import ParsedText, read_yaml
+from rarms_iac.manifest.text.reading import read_yaml
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import WINDOWS_DEVICES, is_name, nearest_name
 from rarms_iac.model.output import Internal, output
@@ -168,13 +166,7 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
         except CannotFormat as problem:
             problems += problem.diagnostics
             continue
-        formatted.append(FormattedManifest(path=path, file=tree.source.file, before=_as_stored(tree), after=after))
+        formatted.append(FormattedManifest(path=path, file=tree.source.file, before=tree.source.stored, after=after))
     if problems:
         raise UseCaseError(Outcome.MISSING if is_missing else Outcome.NEGATIVE, problems, sources)
     return FormattedManifests(files=tuple(formatted))
-
-
-def _as_stored(parsed: ParsedText) -> bytes:
-    """Return the file's bytes; the reader takes a byte order mark away and notes it."""
-    marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in parsed.diagnostics)
-    return BOM_UTF8 + parsed.source.data if marked else parsed.source.data

@@ -32,7 +32,6 @@ from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import load_texts
-from rarms_iac.manifest.text.hidden import with_hidden_secrets
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, Severity, has_errors, in_order
 from rarms_iac.model.layout import Layout
@@ -177,9 +176,8 @@ def _inputs(
     after_last_run: Mapping[str, frozenset[str] | None],
     layout: Layout | None,
 ) -> PlanInputs:
-    order = {each.name: getattr(request, each.name) for each in fields(PlanOrder)}
     return PlanInputs(
-        **{**order, "texts": tuple(map(with_hidden_secrets, request.texts))},
+        **{each.name: getattr(request, each.name) for each in fields(PlanOrder)},
         versions=versions(),
         observed={name: _without_notes(state, request) for name, state in sorted(observed.items())},
         after_last_run=after_last_run,

@@ -1,15 +1,16 @@
 """The whole route: files that a user names -> `System`, with every finding about them."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 
 from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
-from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.manifest.text.reading import ParsedText, read_text, read_yaml
+from rarms_iac.manifest.text.events import ParsedText
+from rarms_iac.manifest.text.reading import read_text, read_yaml
+from rarms_iac.manifest.text.tree import FirstLine, Node, Scalar
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
@@ -33,13 +34,20 @@ class Loaded:
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
     folder: str  # what the manifest's paths are relative to
     digest: str  # of the texts, in the order in which they were read
-    texts: tuple[InputText, ...]
+    parsed: tuple[ParsedText, ...] = field(repr=False)  # the manifest, then its overlays
     is_missing: bool = False  # one of the files is not there
 
     @property
     def has_errors(self) -> bool:
         """Whether anything but `validate` must stop here."""
         return has_errors(self.diagnostics)
+
+    def texts_without_secrets(self) -> tuple[InputText, ...]:
+        """Return the texts with `x` for each letter and digit of variables' values, and of the way into guests.
+
+        Lines and columns stay, so that findings point to the same places.
+        """
+        return tuple(map(_without_secrets, self.parsed))
 
 
 def manifest_path(path: str) -> str:
@@ -157,12 +165,7 @@ def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:
 
 
 def _digest(texts: list[ParsedText]) -> str:
-    return digest_of_texts([text.source.data.decode("utf-8", "replace") for text in texts])
-
-
-def _as_text(text: ParsedText) -> InputText:
-    lines = text.source.data.decode("utf-8", "replace").split("\n")
-    return InputText(file=text.source.file, lines=tuple(lines))
+    return digest_of_texts([text.source.text for text in texts])
 
 
 def _loaded(
@@ -179,6 +182,46 @@ def _loaded(
         sources={text.source.file: text.source.lines for text in texts},
         folder=texts[0].source.folder or os.curdir,
         digest=_digest(texts),
-        texts=tuple(_as_text(text) for text in texts),
+        parsed=tuple(texts),
         is_missing=any(text.is_missing for text in texts),
     )
+
+
+_SECRETS = (
+    ("components", "*", "run", "environment", "*"),
+    ("partitions", "*", "guest", "connect", "ssh"),
+    ("partitions", "*", "guest", "credential"),
+)
+
+
+def _without_secrets(parsed: ParsedText) -> InputText:
+    whole = parsed.source.text
+    for scalar in _secrets(parsed.tree().root, ()):
+        head, body = "", whole[scalar.start : scalar.end]
+        if scalar.style in {"|", ">"}:  # behind its first line, which says how it is written
+            head, newline, rest = body.partition("\n")
+            head, body = head + newline, rest
+        elif scalar.style:
+            head, body = body[0], body[1:]
+        tail = scalar.style if scalar.style in {"'", '"'} else ""
+        hidden = "".join(_hide(sign) for sign in body.removesuffix(tail))
+        whole = whole[: scalar.start] + head + hidden + tail + whole[scalar.end :]
+    return InputText(file=parsed.source.file, lines=tuple(whole.split("\n")))
+
+
+def _hide(sign: str) -> str:
+    return sign if sign.isspace() or (sign.isascii() and not sign.isalnum() and sign not in "\\'\"") else "x"
+
+
+def _secrets(node: Node, path: tuple[str, ...]) -> Iterator[Scalar]:
+    if isinstance(node, Scalar):
+        if isinstance(node.value, str) and any(_matches(path, secret) for secret in _SECRETS):
+            yield node
+    elif node.is_mapping:
+        for entry in node.entries:
+            if entry.key is not None:
+                yield from _secrets(entry.value, (*path, entry.key.text))
+
+
+def _matches(path: tuple[str, ...], secret: tuple[str, ...]) -> bool:
+    return len(path) == len(secret) and all(each in {"*", name} for name, each in zip(path, secret, strict=True))

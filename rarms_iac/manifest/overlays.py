@@ -10,9 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, TypeGuard
 
-from rarms_iac.manifest.text.positions import ManifestPlaces
-from rarms_iac.manifest.text.reading import ParsedText
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, is_null, place_of_node, plain
+from rarms_iac.manifest.text.events import ParsedText
+from rarms_iac.manifest.text.tree import (
+    Collection,
+    Entry,
+    ManifestPlaces,
+    Node,
+    entries_by_key,
+    is_null,
+    place_of_node,
+    plain,
+)
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.shared_findings import WRONG_VALUE
 from rarms_iac.model.wording import Suggestions
@@ -56,12 +64,12 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
     """Return a manifest and its overlays as one; later overlays win."""
     manifest, *overlays = texts
     if not overlays:
-        return Combined(value=manifest.value, places=ManifestPlaces(manifest.source.positions), diagnostics=())
-    merged = manifest.source.positions()
+        return Combined(value=manifest.value, places=ManifestPlaces(lambda: manifest.tree().root), diagnostics=())
+    merged = manifest.tree().root
     wrong: list[Diagnostic] = []
     suggestions = Suggestions()
     for overlay in overlays:
-        node = overlay.source.positions()
+        node = overlay.tree().root
         if not _is_mapping(node):
             advice = "Write the keys that differ, as in the manifest."
             wrong.append(
@@ -106,7 +114,7 @@ def _says_new(entry: Entry) -> bool:
 
 def _unknown_name(entry: Entry, kind: str, known: Sequence[str], suggestions: Suggestions) -> Diagnostic:
     assert entry.key is not None, "entries of a mapping have keys"
-    name, removes = entry.key.value, is_null(entry.value)
+    name, removes = entry.key.text, is_null(entry.value)
     similar, suggestion = suggestions.find(name, known)
     does = "removes" if removes else "adds"
     advice = f"Correct the name; if the {kind} is new, give it `new: true`."
@@ -149,13 +157,14 @@ def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
     """Return a tree with its paths relative to another folder."""
     if isinstance(node, Collection):
         entries = [
-            replace(entry, value=_relative(entry.value, written_in, to, (*path, entry.key.value if entry.key else at)))
+            replace(entry, value=_relative(entry.value, written_in, to, (*path, entry.key.text if entry.key else at)))
             for at, entry in enumerate(node.entries)
         ]
         return replace(node, entries=entries)
-    is_path = _fits(path, _PATHS) or (_fits(path, _COMMANDS) and _names_a_file(node.value, written_in))
-    if is_path and isinstance(plain(node), str):
-        return replace(node, value=moved_path(node.value, written_in, to), style="'")
+    is_path = _fits(path, _PATHS) or (_fits(path, _COMMANDS) and _names_a_file(node.text, written_in))
+    if is_path and isinstance(node.value, str):
+        moved = moved_path(node.value, written_in, to)
+        return replace(node, text=moved, value=moved, style="'")
     return node
 
 

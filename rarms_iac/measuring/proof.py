@@ -13,7 +13,7 @@ from math import ceil, inf
 from typing import assert_never
 
 from rarms_iac.app.control import Control
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.measuring.duration import least_samples
 from rarms_iac.measuring.evidence import with_memory_kills
 from rarms_iac.measuring.partitions import (

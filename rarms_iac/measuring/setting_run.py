@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
 from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (

@@ -101,7 +101,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         places=loaded.places,
         manifest="rarms.yaml",
         manifest_digest=loaded.digest,
-        texts=loaded.texts,
+        texts=loaded.texts_without_secrets(),
         today=TODAY,
         purpose=Purpose(words[0]),
         targets=(options["--target"],) if "--target" in options else (),

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_text
 from rarms_iac.manifest.edit.values import remove_value, set_value
-from rarms_iac.manifest.text.reading import ParsedText, read_text
+from rarms_iac.manifest.text.events import ParsedText
+from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from tests.badly_written import comments, manifests
 

@@ -19,9 +19,8 @@ from rarms_iac.manifest.document.messages import findings_of_structure
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.load import load_system
-from rarms_iac.manifest.text.positions import FirstLine, ManifestPlaces
 from rarms_iac.manifest.text.reading import read_text
-from rarms_iac.manifest.text.tree import plain
+from rarms_iac.manifest.text.tree import FirstLine, ManifestPlaces, plain
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
 from rarms_iac.model.state import State
@@ -70,7 +69,7 @@ def test_positions_and_values_come_from_the_same_text(text: str) -> None:
     read = read_text(text.encode(), "rarms.yaml", ".")
 
     if read.readable:
-        assert plain(read.source.positions()) == read.value
+        assert plain(read.tree().root) == read.value
 
 
 @settings(max_examples=examples(200))
@@ -86,7 +85,7 @@ def test_every_error_has_words_of_its_own(seed: int) -> None:
         return
 
     try:
-        validate_document(read.value, ManifestPlaces(read.source.positions))
+        validate_document(read.value, ManifestPlaces(lambda: read.tree().root))
     except NotAManifest as problem:
         told = findings_of_structure(problem)
         assert not any(" cannot be " in diagnostic.detail for diagnostic in told)

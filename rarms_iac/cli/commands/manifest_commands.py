@@ -17,7 +17,7 @@ from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import findings_as
 from rarms_iac.views.json_output import json_of

@@ -17,7 +17,7 @@ from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.views.pull_request import is_for_findings, no_plan_as, plan_as
 

@@ -10,7 +10,7 @@ from typing import Any
 from rarms_iac.manifest.document.forms import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
-from rarms_iac.manifest.text.positions import dotted
+from rarms_iac.manifest.text.tree import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Place, remainder
 from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name

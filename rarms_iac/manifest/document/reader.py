@@ -116,7 +116,7 @@ def _reading(hint: Any) -> ValueType:
             return replace(choice, core=_then(lambda _: cls(), choice.core))
         case cls:
             block = _block(cls)
-            return replace(block, core=_then(lambda values: _made(cls, values), block.core))
+            return replace(block, core=_then(_maker(cls), block.core))
 
 
 def _then(make: Callable[[Any], Any], read: CoreSchema) -> CoreSchema:
@@ -178,8 +178,8 @@ def _map(keys: Any, values: Any, *, filled: bool) -> ValueType:
         read = _block(_bare(values)[0]).core
     made: CoreSchema = core.dict_schema(key.core, read, min_length=1 if filled else None, strict=True)
     if own:
-        cls = _bare(values)[0]
-        made = _then(lambda blocks: {name: _made(cls, {**each, own: name}) for name, each in blocks.items()}, made)
+        make = _maker(_bare(values)[0])
+        made = _then(lambda blocks: {name: make({**each, own: name}) for name, each in blocks.items()}, made)
     names = {word: key.json[word] for word in ("errorMessage", "pattern")}
     least = {"minProperties": 1} if filled else {}
     return ValueType(made, {"additionalProperties": value.json, **least, "propertyNames": names, "type": "object"})
@@ -227,7 +227,7 @@ def _alternatives(
 
 @cache
 def _block(cls: Any) -> ValueType:
-    """Return the fields of a block as a dict, which `_made` takes."""
+    """Return the fields of a block as a dict, which `_maker` takes."""
     kind = getattr(cls, "kind", "")
     read: dict[str, Any] = {}
     properties: Json = {}
@@ -269,18 +269,51 @@ def _default(value: Any, marks: tuple[Any, ...]) -> Json:
     return {"default": value} if is_text or isinstance(value, int) else {}
 
 
-def _made(cls: Any, values: dict[str, Any]) -> Any:
-    """Return the value of a block; what its defaults depend on is known only here."""
-    values.pop("kind", None)
-    if cls is Host:
-        values.setdefault("platform", values["name"])
-    elif cls is PartitionRequest:
-        values.setdefault("components", (values["name"],))
-    elif cls is Run and isinstance(arrival := values.get("arrival"), Periodic):
+def _host(values: Json) -> Host:
+    values.setdefault("platform", values["name"])
+    return Host(**values)
+
+
+def _partition(values: Json) -> PartitionRequest:
+    values.setdefault("components", (values["name"],))
+    return PartitionRequest(**values)
+
+
+def _run(values: Json) -> Run:
+    if isinstance(arrival := values.get("arrival"), Periodic):
         values.setdefault("deadline", arrival.period)
-    elif cls is System:
-        values["interference"] = {**LOADS_WITHOUT_ENTRY, **values.get("interference", {})}
-    made = cls(**values)
-    if cls is Component and made.apt and made.runs_on is RunsOn.PARTITION and made.cpu.reserve is None:
+    return Run(**values)
+
+
+def _component(values: Json) -> Component:
+    made = Component(**values)
+    if made.apt and made.runs_on is RunsOn.PARTITION and made.cpu.reserve is None:
         return replace(made, cpu=replace(made.cpu, reserve=Measured.MEASURED))
     return made
+
+
+def _system(values: Json) -> System:
+    return System(**{**values, "interference": {**LOADS_WITHOUT_ENTRY, **values.get("interference", {})}})
+
+
+_MAKERS: Mapping[Any, Callable[[Json], Any]] = {
+    Host: _host,
+    PartitionRequest: _partition,
+    Run: _run,
+    Component: _component,
+    System: _system,
+}
+"""Makes the values of blocks whose defaults depend on other fields."""
+
+
+def _maker(cls: Callable[..., Any]) -> Callable[[Json], Any]:
+    """Return the function that makes a block of its fields."""
+    make: Callable[[Json], Any] = _MAKERS.get(cls, lambda values: cls(**values))
+    if not getattr(cls, "kind", ""):
+        return make
+
+    def without_kind(values: Json) -> Any:
+        del values["kind"]
+        return make(values)
+
+    return without_kind

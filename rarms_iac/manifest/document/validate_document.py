@@ -11,7 +11,7 @@ from rarms_iac.manifest.document.quantities import broken_thresholds
 from rarms_iac.manifest.document.reader import TAG, manifest_reader
 from rarms_iac.manifest.document.rules import BrokenRule, broken_rules
 from rarms_iac.manifest.document.schema import Path, manifest_schema
-from rarms_iac.manifest.text.positions import dotted
+from rarms_iac.manifest.text.tree import dotted
 from rarms_iac.model.diagnostics import Place, Places
 from rarms_iac.model.system import System
 

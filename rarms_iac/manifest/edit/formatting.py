@@ -8,8 +8,9 @@ from dataclasses import replace
 from difflib import unified_diff
 
 from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
-from rarms_iac.manifest.text.reading import ParsedText, read_text
-from rarms_iac.manifest.text.tree import build_tree, place_of_node, unified
+from rarms_iac.manifest.text.events import ParsedText
+from rarms_iac.manifest.text.reading import read_text
+from rarms_iac.manifest.text.tree import place_of_node
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 from rarms_iac.model.shared_findings import NOT_READ, WRONG_VALUE
@@ -29,7 +30,24 @@ def format_text(text: str, file: str) -> str:
     Raises:
         CannotFormat: the text is no manifest.
     """
-    return format_tree(read_text(text.encode("utf-8", errors="surrogatepass"), file, ""))
+    return format_tree(read_manifest(text, file))
+
+
+def read_manifest(text: str, file: str = "rarms.yaml") -> ParsedText:
+    """Return the text of a manifest or overlay, read.
+
+    Raises:
+        CannotFormat: the text is no manifest.
+    """
+    parsed = read_text(text.encode("utf-8", errors="surrogatepass"), file, "")
+    _check_manifest(parsed)
+    return parsed
+
+
+def _check_manifest(parsed: ParsedText) -> None:
+    diagnostics = (*parsed.diagnostics, *_no_mapping(parsed))
+    if has_errors(diagnostics):
+        raise CannotFormat(diagnostics)
 
 
 def format_tree(parsed: ParsedText) -> str:
@@ -38,14 +56,11 @@ def format_tree(parsed: ParsedText) -> str:
     Raises:
         CannotFormat: the text is no manifest.
     """
-    diagnostics = (*parsed.diagnostics, *_no_mapping(parsed))
-    if has_errors(diagnostics):
-        raise CannotFormat(diagnostics)
-    text = unified(parsed.source.data.decode())
+    _check_manifest(parsed)
     try:
-        return write_tree(build_tree(text), text)
+        return write_tree(parsed.tree())
     except KeyTooLong as problem:
-        place = replace(place_of_node(problem.key), file=parsed.source.file, length=1)
+        place = replace(place_of_node(problem.key), length=1)
         raise CannotFormat(
             (WRONG_VALUE.at(place, "This key is too long: {reason}.", "Use a shorter name.", reason=str(problem)),)
         ) from None

@@ -2,10 +2,14 @@
 
 import re
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import chain
+from typing import Any
 
-from rarms_iac.manifest.edit.order import VALUE, ValueShape, manifest_shape
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
+from rarms_iac.manifest.document.schema import alternatives, manifest_schema
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, Tree
 
 WIDTH = 100
 """Characters that a flow collection may fill, its key included; text is never broken for it."""
@@ -26,6 +30,44 @@ _QUANTITY = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([A-Za-z%/]+)")
 _SHORT_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\0": "\\0"}
 
 
+@dataclass(frozen=True, slots=True)
+class ValueShape:
+    """What the formatter knows of a value: its known keys in order, or what stands under any name."""
+
+    keys: Mapping[str, "ValueShape"] = field(default_factory=dict)
+    each: "ValueShape | None" = None  # the shape of every value of a map that the user names
+    is_quantity: bool = False
+
+    def of(self, key: str) -> "ValueShape":
+        """Return the shape of the value under this key."""
+        return self.keys.get(key) or self.each or VALUE
+
+
+VALUE = ValueShape()
+
+
+@cache
+def manifest_shape() -> ValueShape:
+    """Return the whole manifest; an overlay has the same shape."""
+    return _shape([manifest_schema()])
+
+
+def _shape(schemas: list[dict[str, Any]]) -> ValueShape:
+    """Return what may stand where one of these schemas holds."""
+    keys: dict[str, list[dict[str, Any]]] = {}
+    named: list[dict[str, Any]] = []
+    is_quantity = False
+    for schema in chain.from_iterable(map(alternatives, schemas)):
+        for key, value in schema.get("properties", {}).items():
+            keys.setdefault(key, []).append(value)
+        any_name = schema.get("additionalProperties")
+        named += [*schema.get("patternProperties", {}).values(), *([any_name] if isinstance(any_name, dict) else [])]
+        is_quantity |= "examples" in schema  # as `quantity_schema` has them
+    if named:
+        return ValueShape(each=_shape([*named, *(value for values in keys.values() for value in values)]))
+    return ValueShape(keys={key: _shape(values) for key, values in keys.items()}, is_quantity=is_quantity)
+
+
 class KeyTooLong(ValueError):
     """A key that only the form `? key` can hold, which no manifest needs."""
 
@@ -42,18 +84,20 @@ class WrittenLine:
     comment: str = ""
 
 
-def write_tree(root: Collection, source: str) -> str:
-    """Return the canonical text of a document; `source` is the text that it was built from."""
+def write_tree(tree: Tree) -> str:
+    """Return the canonical text of a document that is one mapping; comments move within the tree."""
+    root = tree.root
+    assert isinstance(root, Collection), "the text was checked: it holds one mapping"
     if not root.entries:
         return _text([WrittenLine("{}"), *_comment_lines(root.tail, 0)])
     shape = manifest_shape()
     _keep_header(root, shape)
-    return _text(_Writer(source).collection(root, shape, 0, sections=True))
+    return _text(_collection(root, shape, 0, sections=True))
 
 
 def write_entry(entry: Entry, shape: ValueShape, indent: int) -> list[str]:
     """Return the lines of one new entry of a block whose shape is `shape`."""
-    part = _Writer("").entry(entry, shape, indent, sections=False)
+    part = _entry(entry, shape, indent, sections=False)
     return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
 
 
@@ -67,13 +111,13 @@ def write_flow(node: Node, shape: ValueShape) -> str:
 def _all_flow(node: Node) -> Node:
     if isinstance(node, Scalar):
         return node
-    entries = [Entry(entry.key, _all_flow(entry.value), []) for entry in node.entries]
-    return Collection(node.is_mapping, True, node.column, node.start, node.end, entries)
+    entries = [Entry(entry.key, _all_flow(entry.value)) for entry in node.entries]
+    return Collection(node.is_mapping, True, entries)
 
 
 def write_key(key: str, *, flow: bool) -> str:
     """Return a key with its colon."""
-    return _key(Scalar(key, "'", 0, 0), flow=flow)
+    return _key(Scalar(key), flow=flow)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,57 +128,52 @@ class _WrittenEntry:
     lines: list[WrittenLine]
 
 
-class _Writer:
-    """Carries the source text, which folded scalars are copied from."""
+def _collection(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[WrittenLine]:
+    """Return the lines of a collection in block form; between `sections` that are blocks stands a blank line."""
+    return _joined(_parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
-    def __init__(self, source: str) -> None:
-        self.source = source
 
-    def collection(
-        self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False
-    ) -> list[WrittenLine]:
-        """Return the lines of a collection in block form; between `sections` that are blocks stands a blank line."""
-        return _joined(self.parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
+def _parts(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
+    return [_entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
-    def parts(self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
-        """Return the entries of the map, in canonical order."""
-        return [self.entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
-    def entry(self, entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
-        """Return a key with its value, or an item with its dash."""
-        inner = _inner(entry, shape)
-        head = " " * indent + (_key(entry.key) if entry.key else "-")
-        value = entry.value
-        if isinstance(value, Scalar):
-            return _WrittenEntry(entry.before, self.scalar(entry, value, head, inner, indent))
-        short = _inline(value, inner, WIDTH - len(head) - 1)
-        if short is not None:
-            return _WrittenEntry(entry.before, [WrittenLine(f"{head} {short}", entry.trailing)])
-        if entry.key:
-            named = sections and value.is_mapping and inner.each is not None
-            below = self.collection(value, inner, indent + 2, sections=named)
-            return _WrittenEntry(entry.before, [WrittenLine(head, entry.trailing), *below])
-        return self.item(entry, value, inner, indent)
+def _entry(entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
+    """Return a key with its value, or an item with its dash."""
+    inner = _inner(entry, shape)
+    head = " " * indent + (_key(entry.key) if entry.key else "-")
+    value = entry.value
+    if isinstance(value, Scalar):
+        return _WrittenEntry(entry.before, _scalar(entry, value, head, inner, indent))
+    short = _inline(value, inner, WIDTH - len(head) - 1)
+    if short is not None:
+        return _WrittenEntry(entry.before, [WrittenLine(f"{head} {short}", entry.trailing)])
+    if entry.key:
+        named = sections and value.is_mapping and inner.each is not None
+        below = _collection(value, inner, indent + 2, sections=named)
+        return _WrittenEntry(entry.before, [WrittenLine(head, entry.trailing), *below])
+    return _item(entry, value, inner, indent)
 
-    def scalar(self, entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
-        """Return a scalar behind its key or dash, on one line or as a block."""
-        block = block_lines(value, self.source, WIDTH - indent - 2)
-        if block is None:
-            text = one_line(value, quantity=shape.is_quantity)
-            return [WrittenLine(f"{head} {text}" if text else head, entry.trailing)]
-        below = [WrittenLine(" " * (indent + 2) + line if line else "") for line in block[1:]]
-        return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
-    def item(self, entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
-        """Return an item that is a block.
+def _scalar(entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
+    """Return a scalar behind its key or dash, on one line or as a block."""
+    block = _block_lines(value, WIDTH - indent - 2)
+    if block is None:
+        text = _one_line(value, quantity=shape.is_quantity)
+        return [WrittenLine(f"{head} {text}" if text else head, entry.trailing)]
+    below = [WrittenLine(" " * (indent + 2) + line if line else "") for line in block[1:]]
+    return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
-        Its first line begins behind the dash, and what was above that line moves up.
-        """
-        first, *rest = self.parts(value, shape, indent + 2)
-        moved = [comment for comment in (entry.trailing, *first.above) if comment]
-        lines = _joined([_WrittenEntry([], first.lines), *rest], value.tail, indent + 2)
-        begin = WrittenLine(" " * indent + "- " + lines[0].text[indent + 2 :], lines[0].comment)
-        return _WrittenEntry([*entry.before, *moved], [begin, *lines[1:]])
+
+def _item(entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
+    """Return an item that is a block.
+
+    Its first line begins behind the dash, and what was above that line moves up.
+    """
+    first, *rest = _parts(value, shape, indent + 2)
+    moved = [comment for comment in (entry.trailing, *first.above) if comment]
+    lines = _joined([_WrittenEntry([], first.lines), *rest], value.tail, indent + 2)
+    begin = WrittenLine(" " * indent + "- " + lines[0].text[indent + 2 :], lines[0].comment)
+    return _WrittenEntry([*entry.before, *moved], [begin, *lines[1:]])
 
 
 def _joined(parts: list[_WrittenEntry], tail: list[str], indent: int, *, sections: bool = False) -> list[WrittenLine]:
@@ -153,7 +192,7 @@ def _joined(parts: list[_WrittenEntry], tail: list[str], indent: int, *, section
 
 
 def _inner(entry: Entry, shape: ValueShape) -> ValueShape:
-    return shape.of(entry.key.value) if entry.key else shape.each or VALUE
+    return shape.of(entry.key.text) if entry.key else shape.each or VALUE
 
 
 def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
@@ -161,7 +200,7 @@ def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
     if not node.is_mapping or not shape.keys:
         return node.entries
     place = {key: number for number, key in enumerate(shape.keys)}
-    return sorted(node.entries, key=lambda entry: place.get(entry.key.value if entry.key else "", len(place)))
+    return sorted(node.entries, key=lambda entry: place.get(entry.key.text if entry.key else "", len(place)))
 
 
 def _keep_header(root: Collection, shape: ValueShape) -> None:
@@ -179,7 +218,7 @@ def _keep_header(root: Collection, shape: ValueShape) -> None:
 def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
     """Return a collection on one line, where the user wrote it so and it is short enough; empty ones always."""
     if isinstance(node, Scalar):
-        return one_line(node, flow=True, quantity=shape.is_quantity)
+        return _one_line(node, flow=True, quantity=shape.is_quantity)
     if not node.entries:
         return "{}" if node.is_mapping else "[]"
     if not node.flow or node.has_comments:
@@ -200,7 +239,7 @@ def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
 
 
 def _key(key: Scalar, *, flow: bool = False) -> str:
-    text = one_line(key, flow=flow) if key.value else "''"
+    text = _one_line(key, flow=flow) if key.text else "''"
     if len(text) > _LONGEST_KEY:
         raise KeyTooLong(key)
     return f"{text}:"
@@ -233,9 +272,9 @@ def _aligned(run: list[WrittenLine]) -> list[str]:
     return [f"{line.text.ljust(column)}  {line.comment}" for line in run]
 
 
-def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> str:
+def _one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> str:
     """Return the scalar on one line; inside a flow collection (`flow`) more needs quotes."""
-    value = scalar.value
+    value = scalar.text
     if quantity and (found := _QUANTITY.fullmatch(value)):
         return f"{found[1]} {found[2]}"
     if scalar.style == "" and not any(character in value for character in "\n\x85\u2028\u2029"):
@@ -249,7 +288,7 @@ def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> s
     return "'" + value.replace("'", "''") + "'"
 
 
-def block_lines(scalar: Scalar, source: str, room: int) -> list[str] | None:
+def _block_lines(scalar: Scalar, room: int) -> list[str] | None:
     """Return the scalar as a block: its header and its lines without indentation; None where one line is better.
 
     Literal and folded ones stay what they are. Text that was spread over lines in another way and does not fit
@@ -257,9 +296,9 @@ def block_lines(scalar: Scalar, source: str, room: int) -> list[str] | None:
     """
     match scalar.style:
         case "|":
-            return _literal(scalar.value)
+            return _literal(scalar.text)
         case ">":
-            return _folded(scalar, source)
+            return _folded(scalar)
         case _:
             return _newly_folded(scalar, room)
 
@@ -301,21 +340,21 @@ def _literal(value: str) -> list[str] | None:
     return [f"|{indicator}{chomping}", *lines]
 
 
-def _folded(scalar: Scalar, source: str) -> list[str] | None:
-    header, *body = source[scalar.start : scalar.end].rstrip().split("\n")
-    if not _fits_block(scalar.value) or re.match(r">[-+]?[0-9]", header):
+def _folded(scalar: Scalar) -> list[str] | None:
+    header, *body = scalar.source.text[scalar.start : scalar.end].rstrip().split("\n")
+    if not _fits_block(scalar.text) or re.match(r">[-+]?[0-9]", header):
         return None
     if not all(part.isprintable() for line in body for part in line.split("\t")):
         return None
     indent = next(len(line) - len(line.lstrip(" ")) for line in body if line.strip())
-    return [">" if scalar.value.endswith("\n") else ">-", *(line[indent:] for line in body)]
+    return [">" if scalar.text.endswith("\n") else ">-", *(line[indent:] for line in body)]
 
 
 def _newly_folded(scalar: Scalar, room: int) -> list[str] | None:
-    words = scalar.value.split(" ")
-    if not scalar.many_lines or not all(words) or not scalar.value.isprintable():
+    words = scalar.text.split(" ")
+    if not scalar.has_many_lines or not all(words) or not scalar.text.isprintable():
         return None
-    if len(one_line(scalar)) <= room:
+    if len(_one_line(scalar)) <= room:
         return None
     lines = [""]
     for word in words:

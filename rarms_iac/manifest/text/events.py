@@ -1,13 +1,12 @@
-"""One pass over PyYAML's events: plain values out of text, which stops at the first excess.
+"""One pass over PyYAML's events: plain values out of text, and where each stands; it stops at the first excess.
 
-It is the only thing that sees unchecked text, and it is what `rarms validate` spends its time in: so it is one
-loop over locals, makes nothing but the values, and remembers no positions (`tree.py` finds those again when
-there is something to report). NOTE: one pass for both was tried: nodes with places, and the values read from them, take
-66 ms for 1,000 components where this takes 36 and PyYAML's C loader 120.
+Nothing else sees unchecked text. `rarms validate` spends its time here: so it is one loop over locals, and of each
+key and value it notes two numbers, from which `tree.py` makes a tree when there is something to report, to merge or to
+write.
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Any, Final
 
@@ -23,10 +22,10 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from rarms_iac.manifest.text.characters import UnreadableText, hidden, place_at, place_of
-from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
-from rarms_iac.manifest.text.syntax import syntax_finding
-from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.manifest.text.characters import Source, UnreadableText, syntax_finding, unseen
+from rarms_iac.manifest.text.scalars import MAY_BE_MORE, NotRepresentable, plain_scalar
+from rarms_iac.manifest.text.tree import ManifestPlaces, Spans, Tree, build_tree, dotted
+from rarms_iac.model.diagnostics import Diagnostic, Place, Related
 from rarms_iac.model.shared_findings import NOT_YAML
 from rarms_iac.model.wording import HIDDEN
 
@@ -39,76 +38,84 @@ _NO_KEY: Final = object()
 _MOST = 20  # cases shown of one kind of problem
 
 
-DuplicateKey = tuple[tuple[str | int, ...], Place]
-"""The path of a key and its later place."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParsedText:
+    """A text and its values; `value` is worth reading only where `readable`."""
 
-
-@dataclass(slots=True)
-class EventValues:
-    """What one pass found: the values, the keys that occur twice, and everything that rarms does not read."""
-
+    source: Source
     value: Any = None
-    duplicates: list[DuplicateKey] = field(default_factory=list)
-    problems: list[Diagnostic] = field(default_factory=list)
+    spans: Spans = field(default_factory=Spans, repr=False)
+    readable: bool  # nothing was refused: the values are what the text says
+    diagnostics: tuple[Diagnostic, ...]
+    is_missing: bool = False  # there is no such file
+
+    def tree(self) -> Tree:
+        """Return the tree of a readable text; it is built at each call."""
+        return build_tree(self.source, self.value, self.spans)
 
 
-def read_events(data: bytes, file: str) -> EventValues:
-    """Plain values (dict, list, text, number, truth, None) of checked bytes, keys as written.
+def read_events(source: Source) -> ParsedText:
+    """Plain values (dict, list, text, number, truth, None) of checked text, keys as written.
 
-    A key that occurs twice keeps its first value and is listed in `duplicates`.
+    A key that occurs twice keeps its first value, and is an error in `diagnostics`.
 
     Raises:
         UnreadableText: it is not YAML, or passes a limit; nothing after that place was looked at.
     """
-    if data.count(b"#") > MAX_NODES:
-        raise UnreadableText(_too_many_comments(data, file))
+    if source.text.count("#") > MAX_NODES:
+        raise UnreadableText(_too_many_comments(source))
     try:
-        return _Pass(file).run(CParser(data))
+        return _Pass(source).run(CParser(source.text))
     except YAMLError as problem:
         if "nesting depth" in str(getattr(problem, "problem", "")):  # libyaml 0.2.6 stops at 1,000, looking ahead
             mark: Any = getattr(problem, "problem_mark", None)
-            return read_events(data.decode("utf-8")[: mark.index].encode(), file)  # and here the limit of rarms ends it
-        raise UnreadableText(syntax_finding(problem, data, file)) from None
+            return read_events(replace(source, text=source.text[: mark.index]))  # and here the limit of rarms ends it
+        raise UnreadableText(syntax_finding(problem, source)) from None
 
 
 class _Pass:
     """The state of one pass, and the findings it makes; the loop itself keeps to locals."""
 
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.values = EventValues()
-        self.stack: list[tuple[Any, Any]] = []  # the containers around, each with the key or _NO_KEY
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.spans = Spans()
+        self.duplicates: list[tuple[tuple[str | int, ...], Place]] = []  # path of a key, its later place
+        self.problems: list[Diagnostic] = []
+        self.stack: list[tuple[Any, Any, int]] = []  # the containers around: key or _NO_KEY, number
         self.counts: dict[str, int] = {}
 
-    def run(self, parser: Any) -> EventValues:
+    def run(self, parser: Any) -> ParsedText:
         # NOTE: long and flat on purpose. Every call saved here is 40,000 calls saved for 1,000 components.
         get_event, stack, resolve = parser.get_event, self.stack, plain_scalar
+        may_be_more, most_nodes, longest = MAY_BE_MORE, MAX_NODES, MAX_SCALAR
+        starts, ends = self.spans.starts, self.spans.ends
+        begins, stops = starts.append, ends.append
+        may_have_marks = "!" in self.source.text or "&" in self.source.text
         root: list[Any] = []
         container: Any = root
         key: Any = _NO_KEY
-        nodes = documents = 0
+        number = nodes = documents = 0
         while (event := get_event()) is not None:
             kind = type(event)
             if kind is ScalarEvent:
                 nodes += 1
+                begins(event.start_mark.index)
+                stops(event.end_mark.index)
                 text = event.value
                 style = event.style
-                if nodes > MAX_NODES or len(text) > MAX_SCALAR:
+                if nodes > most_nodes or len(text) > longest:
                     raise UnreadableText(self.excess(event, nodes))
-                if event.tag is not None or event.anchor is not None:
+                if may_have_marks and (event.tag is not None or event.anchor is not None):
                     self.refuse_marks(event)
                 if style == '"' and HIDDEN.search(text):
                     self.escape(event)
-                if type(container) is dict and key is _NO_KEY:
+                if key is _NO_KEY and type(container) is dict:
                     if style == "" and text == "<<":
                         self.refuse(event, "merge keys (<<)", "Write the keys themselves.")
-                    if text in container:
-                        self.same_key(event, text)
-                        text = _RepeatedKey(text)
-                    key = text
+                    key = text if text not in container else self.same_key(event, text)
                     continue
                 value: Any = text
-                if style == "":
+                if style == "" and text[:1] in may_be_more:
                     try:
                         value = resolve(text)
                     except NotRepresentable as problem:
@@ -117,25 +124,31 @@ class _Pass:
                 nodes += 1
                 if nodes > MAX_NODES or len(stack) >= MAX_DEPTH:
                     raise UnreadableText(self.excess(event, nodes))
-                if event.tag is not None or event.anchor is not None:
+                if may_have_marks and (event.tag is not None or event.anchor is not None):
                     self.refuse_marks(event)
-                if type(container) is dict and key is _NO_KEY:
+                if key is _NO_KEY and type(container) is dict:
                     raise UnreadableText(self.not_a_key(event))
-                stack.append((container, key))
+                stack.append((container, key, number))
+                number = len(starts)
+                begins(event.start_mark.index)
+                stops(0)
                 container = {} if kind is MappingStartEvent else []
                 key = _NO_KEY
                 continue
             elif kind is MappingEndEvent or kind is SequenceEndEvent:
                 value = container
-                container, key = stack.pop()
+                ends[number] = event.start_mark.index
+                container, key, number = stack.pop()
             elif kind is AliasEvent:
                 nodes += 1
+                begins(event.start_mark.index)
+                stops(event.end_mark.index)
                 if nodes > MAX_NODES:
                     raise UnreadableText(self.excess(event, nodes))
                 self.refuse(event, "aliases (*name)", "Write the value itself.")
                 value = None
-                if type(container) is dict and key is _NO_KEY:
-                    key = "*"
+                if key is _NO_KEY and type(container) is dict:
+                    key = "*" if "*" not in container else _RepeatedKey("*", len(starts) - 1)
                     continue
             else:
                 if kind is DocumentStartEvent:
@@ -144,17 +157,25 @@ class _Pass:
                 continue
             if key is _NO_KEY:
                 container.append(value)
-            else:
-                if type(key) is str:
-                    container[key] = value
+            elif type(key) is str:
+                container[key] = value
                 key = _NO_KEY
-        self.values.value = root[0] if root else None
-        return self.values
+            else:
+                del starts[key.number :], ends[key.number :]
+                key = _NO_KEY
+        value = root[0] if root else None
+        return ParsedText(
+            source=self.source,
+            value=value,
+            spans=self.spans,
+            readable=not self.problems,
+            diagnostics=(*self.problems, *self.same_keys(value)),
+        )
 
     def start_document(self, event: DocumentStartEvent, documents: int) -> None:
         if documents > 1:
             self.refuse(event, "several documents in one file", "Put each into a file of its own.")
-            raise UnreadableText(*self.values.problems)
+            raise UnreadableText(*self.problems)
         if event.tags or (event.version or (1, 2)) != (1, 2):
             self.refuse(event, "directives other than %YAML 1.2", "Remove the line.")
 
@@ -165,33 +186,46 @@ class _Pass:
             self.refuse(event, "tags (!name)", "Remove the tag: a field knows its own type.")
 
     def refuse(self, event: Any, refused: str, advice: str) -> None:
-        if self.is_shown_enough(refused):
-            return
-        self.values.problems.append(
-            NOT_YAML.at(
-                place_at(event.start_mark, self.file), "rarms does not read {refused}.", advice, refused=refused
-            )
-        )
+        if not self.is_shown_enough(refused):
+            place = self.place(event)
+            self.problems.append(NOT_YAML.at(place, "rarms does not read {refused}.", advice, refused=refused))
 
     def is_shown_enough(self, refused: str) -> bool:
         self.counts[refused] = self.counts.get(refused, 0) + 1
         return self.counts[refused] > _MOST
 
-    def path(self) -> tuple[str | int, ...]:
-        inner = [len(container) if key is _NO_KEY else key for container, key in self.stack[1:]]
-        return tuple(str(step) if isinstance(step, _RepeatedKey) else step for step in inner)
+    def place(self, event: Any, length: int = 1) -> Place:
+        return self.source.place(event.start_mark.index, length)
 
-    def same_key(self, event: ScalarEvent, text: str) -> None:
+    def path(self) -> tuple[str | int, ...]:
+        inner = [len(container) if key is _NO_KEY else key for container, key, _ in self.stack[1:]]
+        return tuple(step.text if isinstance(step, _RepeatedKey) else step for step in inner)
+
+    def same_key(self, event: ScalarEvent, text: str) -> "_RepeatedKey":
         if not self.is_shown_enough("same key"):
-            self.values.duplicates.append(((*self.path(), text), place_at(event.start_mark, self.file, len(text))))
+            self.duplicates.append(((*self.path(), text), self.place(event, len(text))))
+        return _RepeatedKey(text, len(self.spans.starts) - 1)
+
+    def same_keys(self, value: Any) -> list[Diagnostic]:
+        places = ManifestPlaces(lambda: build_tree(self.source, value, self.spans).root)
+        return [
+            NOT_YAML.at(
+                replace(later, path=dotted(path)),
+                "{path} is here and on line {first_line}.",
+                "Remove one of the two.",
+                related=(Related(place=places.key(*path), message="the first one"),),
+                path=dotted(path),
+                first_line=places.key(*path).line,
+            )
+            for path, later in self.duplicates
+        ]
 
     def not_representable(self, event: ScalarEvent, problem: NotRepresentable) -> None:
         if not self.is_shown_enough("number"):
-            place = place_at(event.start_mark, self.file, len(event.value))
             advice = "Write another number, or put it into quotes if it is a text."
-            self.values.problems.append(
+            self.problems.append(
                 NOT_YAML.at(
-                    place,
+                    self.place(event, len(event.value)),
                     "rarms cannot represent this number exactly: {reason}.",
                     advice,
                     number=event.value,
@@ -202,11 +236,11 @@ class _Pass:
     def escape(self, event: ScalarEvent) -> None:
         found = HIDDEN.search(event.value)
         if found and not self.is_shown_enough("escape"):
-            self.values.problems.append(hidden(found.group(), place_at(event.start_mark, self.file)))
+            self.problems.append(unseen(found.group(), self.place(event)))
 
     def not_a_key(self, event: Any) -> Diagnostic:
         return NOT_YAML.at(
-            place_at(event.start_mark, self.file),
+            self.place(event),
             "A map or a list is in the place of a key. A key must be a text.",
             "Write a name followed by a colon.",
             refused="a map or a list for a key",
@@ -222,25 +256,23 @@ class _Pass:
         else:
             most, detail = MAX_SCALAR, "A text has at most {most:,} characters. This one has more."
             advice = "Put the text into a file of its own."
-        return NOT_YAML.at(place_at(event.start_mark, self.file), detail, advice, most=most)
+        return NOT_YAML.at(self.place(event), detail, advice, most=most)
 
 
-def _too_many_comments(data: bytes, file: str) -> Diagnostic:
+def _too_many_comments(source: Source) -> Diagnostic:
     """Each costs as much as a value; signs within texts are counted, too, since no event tells a comment."""
-    first_beyond = next(islice(re.finditer(b"#", data), MAX_NODES, None))  # the caller counted that many
+    first_beyond = next(islice(re.finditer("#", source.text), MAX_NODES, None))  # the caller counted that many
     return NOT_YAML.at(
-        place_of(data, first_beyond.start(), file),
+        source.place(first_beyond.start()),
         "A manifest has at most {most:,} number signs (#). This file has more.",
         "Take out comments that say nothing.",
         most=MAX_NODES,
     )
 
 
+@dataclass(frozen=True, slots=True)
 class _RepeatedKey:
     """Stands for a key that is there already: its value is read and dropped."""
 
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-    def __str__(self) -> str:
-        return self.text
+    text: str
+    number: int  # of its span

@@ -14,7 +14,9 @@ _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
-_MAY_BE_MORE = frozenset("0123456789+-.~nNtTfF")
+MAY_BE_MORE = frozenset(("", *"0123456789+-.~nNtTfF"))
+"""How words begin that may mean more than their text."""
+
 _DECIMAL = re.compile(r"[-+]?[0-9]+")
 _OCTAL = re.compile(r"0o[0-7]+")
 _HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
@@ -26,19 +28,13 @@ class NotRepresentable(ValueError):
     """Not a YAML text that rarms reads; the message says why."""
 
 
+@lru_cache(maxsize=4096)
 def plain_scalar(text: str) -> PlainValue:
     """Return the value of a word without quotes.
 
     Raises:
         NotRepresentable: a number of more than 15 digits, an infinite one, or none at all (`.nan`).
     """
-    if text and text[0] not in _MAY_BE_MORE:
-        return text
-    return _resolved(text)
-
-
-@lru_cache(maxsize=4096)
-def _resolved(text: str) -> PlainValue:
     if text in _WORDS:
         return _WORDS[text]
     if _DECIMAL.fullmatch(text):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
 from rarms_iac.measuring.findings import describe_idle, findings_of, work_of_settings
 from rarms_iac.measuring.partitions import LoadShare

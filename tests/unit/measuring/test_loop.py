@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 from hypothesis import given
 
-from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Findings, Place, Related, Severity
 from rarms_iac.views.console import render

@@ -13,8 +13,8 @@ from rarms_iac.manifest.document import validate_document as validation
 from rarms_iac.manifest.document.schema import manifest_schema, overlay_schema
 from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.load import load_system
-from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import read_text
+from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.model import loads
 from rarms_iac.model import system as m
 from rarms_iac.model.host import (

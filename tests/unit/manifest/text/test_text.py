@@ -11,11 +11,9 @@ from typing import Any
 import pytest
 
 from rarms_iac.manifest.load import load_system
-from rarms_iac.manifest.text.characters import place_of
-from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
-from rarms_iac.manifest.text.reading import MAX_BYTES, Lines
+from rarms_iac.manifest.text.reading import MAX_BYTES, read_text
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
-from rarms_iac.manifest.text.tree import build_positions
+from rarms_iac.manifest.text.tree import ManifestPlaces, dotted
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
 
 TODAY = date(2026, 1, 1)
@@ -108,7 +106,7 @@ a:
 "e f":
   g: 1
 """
-PLACES = ManifestPlaces(lambda: build_positions(TEXT, "f.yaml"))
+PLACES = ManifestPlaces(lambda: read_text(TEXT.encode(), "f.yaml", ".").tree().root)
 
 
 @pytest.mark.parametrize(
@@ -140,15 +138,6 @@ def test_a_place_says_how_much_to_underline() -> None:
 def test_a_path_is_written_as_people_do() -> None:
     assert dotted(("components", "a b", "apart", 0)) == "components.a b.apart[0]"
     assert dotted(("p99.9_response_time", "x")) == '"p99.9_response_time".x'
-
-
-def test_lines_end_as_editors_end_them() -> None:
-    lines = Lines(b"a\r\nb\rc\n")
-
-    assert list(lines) == ["a", "b", "c", ""]
-    assert (lines[0], lines[2], lines[-1], len(lines), lines[1:3]) == ("a", "c", "", 4, ["b", "c"])
-    with pytest.raises(IndexError):
-        lines[4]
 
 
 @pytest.mark.parametrize(
@@ -186,7 +175,7 @@ TEXTS = [b"", b"\n", b"a", b"a\nb", b"a\r\nb\rc\n\nd", b"\r\r\n\r", "\u00e9\n\u0
 @pytest.mark.parametrize("data", TEXTS)
 def test_each_line_is_what_stands_between_line_ends(data: bytes) -> None:
     expected = re.split("\r\n|\n|\r", data.decode())
-    lines = Lines(data)
+    lines = read_text(data, "x", ".").source.lines
 
     assert list(lines) == expected
     assert [lines[-at] for at in range(1, len(expected) + 1)] == expected[::-1]
@@ -199,6 +188,8 @@ def test_megabytes_of_carriage_returns_are_quick() -> None:
     data = b"\r" * (MAX_BYTES - 1) + b"["
     began = time.process_time()
 
-    assert Lines(data)[MAX_BYTES - 1] == "["
-    assert place_of(data, MAX_BYTES - 1, "x").line == MAX_BYTES
+    source = read_text(data, "x", ".").source
+
+    assert source.lines[MAX_BYTES - 1] == "["
+    assert source.place(MAX_BYTES - 1).line == MAX_BYTES
     assert time.process_time() - began < 2
