@@ -482,7 +482,7 @@ def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str
     """`97 ms, at worst 98.3 ms: met`; `holds` and the curve's band decide, as for every reservation."""
 
     def shown(value: float) -> str:
-        return show_value(index_named(index), value, threshold.value)
+        return show_value(index_named(index), value, threshold)
 
     point, estimate = curve.value_at(reserve), curve.estimate_at(reserve)
     assert point is not None, "who asks has looked"

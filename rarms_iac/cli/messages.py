@@ -81,7 +81,7 @@ class TerminalReporter:
     @cached_property
     def settings(self) -> "MeasuringReporter":
         """Settings that are measured, in a table that is updated in place."""
-        from rarms_iac.views.measure import MeasuringProgress
+        from rarms_iac.views.progress import MeasuringProgress
 
         return MeasuringProgress(self._terminal.talk, time.monotonic, self._terminal.live_table())
 

@@ -10,7 +10,7 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.model.output import OutputText
-from rarms_iac.model.quantities import Unit, parse_quantity, plain, show_number
+from rarms_iac.model.quantities import UNITS, Unit, parse_quantity, plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 
 PERCENTILE_PATTERN = r"^p([1-9][0-9]?)(\.[0-9]?[1-9])?_response_time$"
@@ -147,20 +147,25 @@ def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
         NotAQuantity: it is no number with a unit of the index.
     """
     _, value = parse_quantity(text, index.unit)
-    return AtMost(value=value) if index.smaller_is_better else AtLeast(value=value)
+    kind, unit = AtMost if index.smaller_is_better else AtLeast, text.lstrip("0123456789. ")
+    return kind(value=value, unit="" if unit == index.symbol else unit)
 
 
-def show_value(index: PerformanceIndex, value: Fraction | float, *thresholds: Fraction) -> str:
+def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Threshold | None = None) -> str:
     """Return a value of the index with its unit.
 
     Args:
-        value: in the index's own unit, which it is shown in, so that values of an index can be compared. A fraction is
-            exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`, `0.0123 /s`), and may be infinite (`no bound`).
-        thresholds: of the same sentence: a measured value that misses one never reads as it.
+        value: in the index's own unit. A fraction is exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`,
+            `0.0123 /s`), and may be infinite (`no bound`).
+        threshold: it is shown in the unit that the user wrote there, and if it misses it, never reads as it.
     """
+    unit = threshold.unit if threshold and threshold.unit else index.symbol
+    size = UNITS[index.unit][unit]
     if not isinstance(value, float):
-        return f"{plain(value)} {index.symbol}"
-    return f"{show_number(value, *map(float, thresholds))} {index.symbol}" if isfinite(value) else show_number(value)
+        return f"{plain(value / size)} {unit}"
+    if not isfinite(value):
+        return show_number(value)
+    return f"{show_number(value / float(size), *([float(threshold.value / size)] if threshold else []))} {unit}"
 
 
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
@@ -178,9 +183,9 @@ def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
 
 def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
     """`<= 100 ms`, which leaves room in a table."""
-    return f"{'<=' if isinstance(threshold, AtMost) else '>='} {show_value(index, threshold.value)}"
+    return f"{'<=' if isinstance(threshold, AtMost) else '>='} {show_value(index, threshold.value, threshold)}"
 
 
 def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
     """`at most 100 ms`."""
-    return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value)}"
+    return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value, threshold)}"

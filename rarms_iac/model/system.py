@@ -129,6 +129,7 @@ class AtMost:
     """The index must not be larger: response times, jitter, miss rates."""
 
     value: Internal[Fraction]  # in the index's own unit
+    unit: Internal[str] = field(default="", compare=False)  # that the user wrote; empty: the index's own
 
     @output
     def at_most(self) -> Fraction:
@@ -141,6 +142,7 @@ class AtLeast:
     """The index must not be smaller: success rates, throughput."""
 
     value: Internal[Fraction]
+    unit: Internal[str] = field(default="", compare=False)
 
     @output
     def at_least(self) -> Fraction:

@@ -144,7 +144,7 @@ class MeasureAction(Action):
         hosts = workspace.hosts()
         outcome = measure_components(hosts, request, control)
         transcript.findings(outcome.findings, hosts.manifest.sources)
-        transcript.say(summary_text(outcome))
+        transcript.say(summary_text(outcome, verbose=True))
         return _ending(transcript, outcome.findings, stopped=outcome.stopped)
 
 

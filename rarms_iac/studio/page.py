@@ -12,7 +12,7 @@ from types import MappingProxyType
 from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.status import HostOverview, NextCommand, PartitionStatus, TestPartitionStatus
+from rarms_iac.app.status import HostOverview, NextCommand
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.measuring.measure_request import MeasureRequest
@@ -22,17 +22,16 @@ from rarms_iac.model.commands import PLAN, START, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.quantities import share_of_processors, show_processors
+from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
 from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
-from rarms_iac.views.history import history_rows
+from rarms_iac.views.history import RUNS, history_rows
 from rarms_iac.views.reports.html import render_page
-from rarms_iac.views.reports.page import on_page
-from rarms_iac.views.reports.table import show_cell
-from rarms_iac.views.reports.tables import RESERVE, RESERVE_LP, levels_of_component
-from rarms_iac.views.status import describe_holders, describe_other_claims, describe_partition, describe_test_partition
+from rarms_iac.views.reports.tables import levels_of_component
+from rarms_iac.views.status import describe_holders, describe_totals, partitions_table
+from rarms_iac.views.table import Column, Table, show_cell
 from rarms_iac.views.verdicts import describe_verdicts_of
 
 
@@ -73,7 +72,7 @@ class HostOnPage:
     name: str
     sentence: str
     parts: tuple[BarPart, ...]
-    partitions: tuple[tuple[str, str, str, str], ...]  # name, LPs, share of processors, how it is
+    partitions: Table | None  # None: it could not be looked at, or has none
     problems: tuple[str, ...]
     remark: str  # when it was looked at, where not each change is noticed; else empty
 
@@ -146,7 +145,7 @@ class StudioOnPage:
     forms_by_verb: Mapping[str, str]  # by verb of a recommended command, the form that does the same
     plan: PlanOnPage | None
     plan_is_next: bool
-    history: tuple[tuple[str, ...], ...]  # host, when, what, plan, application, by whom, ending
+    history: Table
     can_undo: bool
     has_manifest: bool
     measure_boxes: tuple[Box, ...] = MEASURE_BOXES
@@ -199,7 +198,10 @@ def page_of(
         forms_by_verb=forms,
         plan=plan,
         plan_is_next=plan is not None and _is_next(plan, next_command),
-        history=tuple((host, *row) for host, runs in runs_by_host.items() for row in history_rows(runs)),
+        history=Table(
+            (Column("host"), *RUNS),
+            tuple((host, *row) for host, runs in runs_by_host.items() for row in history_rows(runs)),
+        ),
         can_undo=_can_undo(known, report.application),
         has_manifest=known.manifest is not None,
     )
@@ -261,7 +263,7 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
             name=host.name,
             sentence="could not be looked at",
             parts=(),
-            partitions=(),
+            partitions=None,
             problems=problems,
             remark=remark,
         )
@@ -269,16 +271,12 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
     amounts = [("used", partition.reserved_lp, partition.name) for partition in own]
     amounts += [("foreign", host.unmanaged_lp, "unmanaged machines")]
     unpromised = ("kept", totals.kept_lp, "kept for the host")
-    free = f"{show_processors(host.free_lp)} free"
-    if host.free_lp < 0:
-        free = f"{show_processors(-host.free_lp)} more than may be reserved"
-    reserved = f"{show_processors(host.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
-    sentence = ", ".join([reserved, *describe_other_claims(host.unmanaged_lp, totals.kept_lp), free])
+    table = partitions_table(host)
     return HostOnPage(
         name=host.name,
-        sentence=sentence,
+        sentence=describe_totals(totals),
         parts=tuple(_parts([*amounts, unpromised], totals.host_lp)),
-        partitions=(*map(_partition, own), *map(_test_partition, host.test_partitions)),
+        partitions=table if table.rows else None,
         problems=(describe_missing_journal(host.name, host.unrecorded),) if host.unrecorded else (),
         remark=remark,
     )
@@ -296,29 +294,15 @@ def _parts(amounts: Sequence[tuple[str, Fraction, str]], processors: int) -> Ite
             start += width
 
 
-def _partition(partition: PartitionStatus) -> tuple[str, str, str, str]:
-    return (
-        partition.name,
-        show_processors(partition.reserved_lp),
-        share_of_processors(partition.reserve, partition.processors),
-        describe_partition(partition),
-    )
-
-
-def _test_partition(partition: TestPartitionStatus) -> tuple[str, str, str, str]:
-    remark = f"test partition, not counted above; {describe_test_partition(partition)}"
-    return partition.name, show_processors(partition.reserved_lp), "", remark
-
-
 def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
     """Yield the most critical first."""
     components = known.manifest.system.components.values() if known.manifest else ()
     for component in sorted(components, key=lambda each: (-each.criticality, natural_order(each.name))):
-        table = on_page(levels_of_component(report, component.name))
-        at = {column.field: number for number, column in enumerate(table.columns)}
+        table = levels_of_component(report, component.name)
+        at = {column.title: number for number, column in enumerate(table.columns)}
         reserves, shares, rows = (
-            tuple(dict.fromkeys(show_cell(row[at[field]]) for row in table.rows))
-            for field in (RESERVE_LP, RESERVE, "verdict")
+            tuple(dict.fromkeys(show_cell(row[at[title]], table.columns[at[title]].unit) for row in table.rows))
+            for title in ("reservation", "CR", "verdict")
         )
         verdicts = tuple(describe_verdicts_of(report.verdicts, component.name)) or rows
         apt = (f"{name} {show_threshold(index_named(name), threshold)}" for name, threshold in component.apt.items())
@@ -326,7 +310,7 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
             name=component.name,
             criticality=component.criticality,
             apt=tuple(apt),
-            reserve=f"{reserves[0]} LP" if reserves and reserves[0] else "not known",
+            reserve=reserves[0] if reserves else "not known",
             share=shares[0] if shares else "",
             verdicts=verdicts or ("no host has it in its layout",),
         )

@@ -20,7 +20,7 @@ from rarms_iac.model.journal import StepStatus
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.harmless import visible
-from rarms_iac.views.measure import MeasuringProgress
+from rarms_iac.views.progress import MeasuringProgress
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -8,18 +8,15 @@ program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` a
 
 import io
 import re
-from collections.abc import Iterator, MutableSequence, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
-from itertools import zip_longest
-from typing import TYPE_CHECKING, Protocol, TextIO, TypeAlias, Union, cast
+from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 from rarms_iac.model.commands import Prose, plain_text
 from rarms_iac.views.harmless import GLUE, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-    from rich.live import Live
     from rich.text import Text
 
 
@@ -38,7 +35,7 @@ NARROWEST_COLUMN = 8
 ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
 GOOD, CHANGED, BAD = "green", "yellow", "red"
 
-_UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))")
+_UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))|(?<=[<>]=) (?=[0-9])")
 _ITEM = re.compile(r" *- ")
 
 
@@ -154,86 +151,6 @@ class _HangingIndent:
             yield Segment.line()
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Rows of cells as data, for every form of a result; as it stands, a renderable for a terminal.
-
-    In a terminal its columns are two spaces apart. Where it is too wide, the widest column that may wrap gives first;
-    where none can give more, the cells of a row stand below one another.
-
-    NOTE: rich's `Table` takes the same from all wide columns, and then some of them would break a word; and it takes
-    five times as long for a thousand rows.
-    """
-
-    rows: Sequence[Sequence[Content]]  # of equal length
-    header: Sequence[str] = ()  # a name for each column; empty: the table has no header
-    wrap: Sequence[int] = ()  # columns whose cells may go on in a second line; a name or a number is never broken
-    right: Sequence[int] = ()  # columns whose cells stand at the right, for numbers
-    indent: int = 0
-
-    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
-        space = options.max_width - self.indent
-        cells = [[styled(cell) for cell in row] for row in self.rows]
-        widths, least = self._widths(cells)
-        while sum(widths) + 2 * (len(widths) - 1) > space:
-            shrinkable = [number for number, width in enumerate(widths) if width > least[number]]
-            if not shrinkable:
-                yield indented(self._stacked(cells, space), self.indent)
-                return
-            widths[max(shrinkable, key=widths.__getitem__)] -= 1
-        if self.header:
-            yield from self._lines([styled((name, STRONG)) for name in self.header], widths, console)
-        for row in cells:
-            yield from self._lines(row, widths, console)
-
-    def _widths(self, cells: "Sequence[Sequence[Text]]") -> tuple[list[int], list[int]]:
-        """Return the width of each column where nothing is broken, and where no word is."""
-        widest: list[int] = []
-        least: list[int] = []
-        for number in range(max(map(len, cells), default=len(self.header))):
-            texts = [*self.header[number : number + 1], *(row[number].plain for row in cells)]
-            widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
-            words = [word for text in texts for word in text.split()]
-            least.append(max(map(columns, words), default=0) if number in self.wrap else widest[-1])
-        return widest, least
-
-    def _lines(self, row: "Sequence[Text]", widths: Sequence[int], console: "Console") -> "Iterator[Text]":
-        """Yield the lines of a row, each cell filled up to its column's width."""
-        blank = styled()
-        for line in zip_longest(*(_fold(cell, width, console) for cell, width in zip(row, widths, strict=True))):
-            text = styled(" " * self.indent)
-            text.no_wrap, text.overflow = True, "ignore"
-            for number, (part, width) in enumerate(zip(line, widths, strict=True)):
-                words = part or blank
-                fill = " " * (width - words.cell_len)
-                text.append(f"{'  ' if number else ''}{fill if number in self.right else ''}")
-                text.append_text(words).append("" if number in self.right else fill)
-            yield text
-
-    def _stacked(self, cells: "Sequence[Sequence[Text]]", width: int) -> "RenderableType":
-        """Each row as its first cell, with the others below it: what a column is called stands before its cell.
-
-        A cell is not broken where it fits on a line of its own.
-        """
-        parts: list[RenderableType] = []
-        for first, *others in cells:
-            parts += [paragraph(first)] if first.plain else []
-            names = [f"{name}: " for name in self.header[1:]] or [""] * len(others)
-            line = styled()
-            for named in (styled(name, cell) for name, cell in zip(names, others, strict=True) if cell.plain):
-                if line.plain and line.cell_len + 2 + named.cell_len > width - 2:
-                    parts.append(paragraph(line, indent=2, more=2))
-                    line = styled()
-                line = styled(line, "  ", named) if line.plain else named
-            parts.append(paragraph(line, indent=2, more=2))
-        return stack(*parts)
-
-
-def _fold(cell: "Text", width: int, console: "Console") -> "Sequence[Text]":
-    """Return the lines of a cell."""
-    return [cell] if cell.cell_len <= width and "\n" not in cell.plain else list(cell.wrap(console, width))
-
-
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False, manifest: str = "") -> str:
     """Lay the content out as text that ends with a line end, without blanks at line ends.
 
@@ -245,7 +162,7 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
     out = io.StringIO()
     token = _MANIFEST.set(manifest)
     try:
-        _console(out, width, terminal=False, colour=colour).print(_Harmless(content), crop=False, end="")
+        _console(out, width, terminal=False, colour=colour).print(Harmless(content), crop=False, end="")
     finally:
         _MANIFEST.reset(token)
     text = out.getvalue().replace(GLUE, " ")
@@ -253,7 +170,7 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
 
 
 @dataclass(frozen=True, slots=True)
-class _Harmless:
+class Harmless:
     """What rich lays out, with nothing in it that could act on a terminal but what rich itself writes."""
 
     content: "RenderableType"
@@ -298,69 +215,3 @@ def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Co
         emoji=False,
         _environ={},  # COLUMNS and NO_COLOR are asked by who knows the stream
     )
-
-
-class LiveRows(Protocol):
-    """A table whose last row changes while something runs, on a terminal or on a page."""
-
-    rows: MutableSequence[Sequence[str]]
-    """The finished ones."""
-
-    def show(self, row: Sequence[str]) -> None:
-        """Show the finished rows and this one below them."""
-
-    def hide(self) -> None:
-        """Take the running row away."""
-
-
-def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Sequence[str]:
-    """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
-
-    Args:
-        rows: those above it, whose cells its columns are as wide as.
-
-    Returns:
-        The row; as it is where less than a third of the line is left for the last cell.
-    """
-    *others, last = row
-    taken = sum(
-        max(columns(each[number]) for each in (row, *rows) if number < len(each)) + 2 for number in range(len(others))
-    )
-    space = width - taken
-    if columns(last) <= space or space < width // 3:
-        return row
-    while columns(last) > space - 3:
-        last = last[:-1]
-    return (*others, f"{last}...")
-
-
-class LiveTable:
-    """A table on a terminal whose last row changes while something runs; it is gone when it is hidden.
-
-    Args:
-        console: of standard error, where it is a terminal.
-        header: names of the columns.
-    """
-
-    def __init__(self, console: "Console", header: Sequence[str] = ()) -> None:
-        self._console = console
-        self._header = header
-        self._live: Live | None = None
-        self.rows: MutableSequence[Sequence[str]] = []
-
-    def show(self, row: Sequence[str]) -> None:
-        """Show the finished rows and this one below them."""
-        from rich.live import Live
-
-        if self._live is None:
-            self._live = Live(console=self._console, transient=True, auto_refresh=False)
-            self._live.start()
-        wrapped = range(len(row))
-        row = cut_row(row, self.rows, self._console.width)
-        self._live.update(_Harmless(Table([*self.rows, row], header=self._header, wrap=wrapped)), refresh=True)
-
-    def hide(self) -> None:
-        """Take the table from the terminal, and give the cursor back."""
-        if self._live is not None:
-            self._live.stop()
-            self._live = None

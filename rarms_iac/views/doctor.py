@@ -9,14 +9,17 @@ from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
-from rarms_iac.views.console import STRONG, Table, stack, styled
+from rarms_iac.views.console import STRONG, stack, styled
 from rarms_iac.views.finding_forms import OutputFormat, findings_as
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+
+FACTS = (Column("fact"), Column("value", wraps=True))
 
 HEALTHY = "Nothing here makes a plan ineffective or unsafe."
 
@@ -40,7 +43,7 @@ def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":
     for host in examined.hosts:
         rows = [row for row in _rows(host, examined.application) if row[1]]
         title = f"Host {host.name} ({host.facts.provider.value})"
-        parts += [styled((title, STRONG)), Table(rows, wrap=(1,), indent=2), ""]
+        parts += [styled((title, STRONG)), Table(FACTS, rows, header=False, indent=2), ""]
     findings, accepted = examined.findings, examined.accepted
     healthy = not findings and not accepted
     return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))

@@ -4,10 +4,14 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.explain import Explanation
 from rarms_iac.model.commands import prose
-from rarms_iac.views.console import Table, paragraph, stack
+from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+ROWS = tuple(Column(title, wraps=True) for title in ("name", "value", "source"))
 
 
 def explanation_text(explanation: Explanation) -> "RenderableType":
@@ -15,6 +19,6 @@ def explanation_text(explanation: Explanation) -> "RenderableType":
     rows = [(row.name, row.value, row.source) for row in explanation.rows]
     return stack(
         f"{explanation.component} (criticality {explanation.criticality})",
-        Table(rows, header=("name", "value", "source"), wrap=(0, 1, 2)),
+        Table(ROWS, rows),
         *(paragraph(prose("Next: ", command)) for command in explanation.commands),
     )

@@ -6,10 +6,21 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.model.journal import Closing, PastRun, RunKind
-from rarms_iac.views.console import CHANGED, STRONG, Table, paragraph, stack, styled
+from rarms_iac.views.console import CHANGED, STRONG, paragraph, stack, styled
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+RUNS = (
+    Column("when"),
+    Column("run"),
+    Column("plan"),
+    Column("application", wraps=True),
+    Column("by", wraps=True),
+    Column("ending", wraps=True),
+)
 
 
 def describe_run(run: PastRun) -> str:
@@ -26,8 +37,7 @@ def history_text(history: History) -> "RenderableType":
         parts.append(styled((f"Host {host}", STRONG), "" if runs or marked else "  nothing was applied here"))
         if marked:
             parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
-        rows = history_rows(runs)
-        parts.append(Table(rows, wrap=(3, 4, 5), indent=2))
+        parts.append(Table(RUNS, history_rows(runs), indent=2))
     return stack(*parts)
 
 

@@ -4,10 +4,14 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.install import HostInstallation, Installation
 from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
-from rarms_iac.views.console import Table, paragraph, stack
+from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+HOSTS = (Column("host"), Column("rarms", wraps=True), Column("machine", wraps=True), Column("sent", right=True))
 
 
 def installation_text(result: Installation) -> "RenderableType":
@@ -21,7 +25,7 @@ def installation_text(result: Installation) -> "RenderableType":
     without_boot = [host.host for host in result.hosts if host.changed and host.version and not host.boot]
     boot = f"{', '.join(without_boot)}: neither systemd nor cron is there. Run this at each start of the machine: "
     return stack(
-        Table(rows, indent=0),
+        Table(HOSTS, rows),
         *finished,
         paragraph(prose(boot, START_AT_BOOT, ".")) if without_boot else None,
         paragraph(prose("Next: ", DOCTOR)) if any(host.version for host in result.hosts) else None,
@@ -38,4 +42,4 @@ def _became(host: HostInstallation) -> str:
 
 
 def _sent(host: HostInstallation) -> str:
-    return f"{host.sent_bytes / 1e6:.0f} MB sent" if host.sent_bytes else ""
+    return f"{host.sent_bytes / 1e6:.0f} MB" if host.sent_bytes else ""

@@ -10,14 +10,15 @@ from html import escape
 from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.wording import counted
-from rarms_iac.views.console import Content, Table
+from rarms_iac.views.console import styled
 from rarms_iac.views.harmless import GLUE, visible
+from rarms_iac.views.table import Column, Content, Table, text_of_cell
 
 _LONGEST_TEXT = 500
 """Characters that are shown of one name, message or title."""
 
-_FINDINGS, _NOTES = 8_000, 3_000
-"""Characters of errors and warnings, and of notes."""
+_TABLE, _TOTALS, _FINDINGS, _NOTES = 20_000, 10_000, 8_000, 3_000
+"""Characters of the parts of a comment: together they stay below the longest that GitHub takes."""
 
 
 def findings_markdown(findings: Sequence[Diagnostic]) -> str:
@@ -33,9 +34,9 @@ def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
     notes = grouped.pop(Severity.NOTE)
     problems = [line for lines in grouped.values() for line in lines]
     if problems:
-        yield "#### Findings\n\n" + "\n".join(fitting(problems, _FINDINGS, ITEM, "more findings"))
+        yield "#### Findings\n\n" + "\n".join(_fitting(problems, _FINDINGS, ITEM, "more findings"))
     if notes:
-        yield folded(counted(len(notes), "note"), fitting(notes, _NOTES, ITEM, "more notes"))
+        yield folded(counted(len(notes), "note"), _fitting(notes, _NOTES, ITEM, "more notes"))
 
 
 def _finding(finding: Diagnostic) -> str:
@@ -48,21 +49,24 @@ ROW, ITEM = "| {} |", "- {}"
 """How a line stands in a table and in a list."""
 
 
-def table_markdown(table: Table, room: int, more: str) -> str:
-    """Return a table with as many of its rows as have room; `more` is the word for those that are left out."""
-    rules = ["--:" if number in table.right else "---" for number in range(len(table.header))]
-    rows = [ROW.format(" | ".join(map(_cell, row))) for row in table.rows]
+def table_markdown(table: Table, more_rows: str, more_totals: str) -> str:
+    """Return a table and its totals, as many of them as have room; the words are for those that are left out."""
+    titles = [column.title for column in table.columns]
+    rules = ["--:" if column.right else "---" for column in table.columns]
+    rows = [ROW.format(" | ".join(map(_cell, row, table.columns))) for row in table.rows]
+    lines = [ITEM.format(safe(line)) for line in table.totals]
     return "\n".join(
-        [ROW.format(" | ".join(table.header)), ROW.format(" | ".join(rules)), *fitting(rows, room, ROW, more)]
+        [ROW.format(" | ".join(titles)), ROW.format(" | ".join(rules)), *_fitting(rows, _TABLE, ROW, more_rows)]
+        + ["", *_fitting(lines, _TOTALS, ITEM, more_totals)] * bool(lines)
     )
 
 
-def _cell(content: Content) -> str:
-    text = content if isinstance(content, str) else content.plain.replace(GLUE, " ")
+def _cell(content: Content, column: Column) -> str:
+    text = styled(text_of_cell(content, column)).plain.replace(GLUE, " ")
     return re.sub(r"(?<!\\)\|", r"\|", safe(text))
 
 
-def fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]:
+def _fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]:
     """Return the first lines that have room, and in the form of a line how many there are more."""
     used, shown = 0, []
     for line in lines:

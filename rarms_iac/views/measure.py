@@ -1,18 +1,20 @@
-"""`rarms measure`: progress, the summary with a row a component, and the same for programs."""
+"""`rarms measure`: the result, a row a threshold, and the settings of a sweep or of a curve."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, assert_never
 
-from rarms_iac.app.control import MeasuringReporter, RemainingSettings
-from rarms_iac.measuring.findings import show_index
+from rarms_iac.app.report_measurements import WITHOUT_APT, point_of
+from rarms_iac.app.report_model import MeasuredPoint
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
+from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.several_loads import decisive
-from rarms_iac.model.commands import Wording
+from rarms_iac.model.achievement import Achievement
+from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_range, show_value
 from rarms_iac.model.outcomes import (
     Estimate,
     Missed,
@@ -24,112 +26,156 @@ from rarms_iac.model.outcomes import (
     Swept,
     Unsteady,
 )
-from rarms_iac.model.quantities import ReservePercent, guaranteed, share_of_processors, show_duration, show_processors
-from rarms_iac.model.series import MOST_SAMPLES, Series
-from rarms_iac.model.setting import Setting
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.model.quantities import guaranteed, share_of_processors, show_percent, show_processors
+from rarms_iac.model.system import Component
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
-from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.views.console import LiveRows, Table, paragraph, show_seconds, stack
-from rarms_iac.views.prove import skipped_sentence
-from rarms_iac.views.status import describe_other_claims
-from rarms_iac.views.sweep import sweep_text
-from rarms_iac.views.verdicts import advise_to_measure, why_not_known
+from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.prove import describe_verdict, skipped_sentence
+from rarms_iac.views.status import describe_totals
+from rarms_iac.views.table import Column, Table
+from rarms_iac.views.verdicts import short_bound, why_not_known
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+RESULTS = (
+    Column("component", wraps=True),
+    Column("host", wraps=True),
+    Column("threshold", wraps=True),
+    Column("measured", right=True),
+    Column("reservation", right=True),
+    Column("load", wraps=True),
+)
 
-Row = tuple[str, str, str, str, str, str]
 
-HEADER = ("component", "threshold", "on", "reservation", "CR", "remark")
-
-
-def summary_text(outcome: MeasureOutcome) -> "RenderableType":
-    """Return a table with a row for each threshold of a component.
-
-    Below it stands what the reservations add up to, and how sure they are.
+def summary_text(outcome: MeasureOutcome, *, verbose: bool = False) -> "RenderableType":
+    """Return a table with a row a threshold, the sums of each host, and what happened.
 
     Above it stand the settings of each sweep. The reservation stands in the first row of the components that were
     measured together.
 
     Args:
         outcome: of all experiments; those that an early end left out have rows, too.
+        verbose: say of each reservation its CR, what is known of the setting below, and the other loads, too.
     """
-    rows = [
-        row
-        for by_load in outcome.partitions
-        for row in _rows(by_load[0].experiment, *_outcome(decisive(by_load), _loads(by_load)))
+    answers = [_answer(by_load) for by_load in outcome.partitions]
+    rows = [row for answer in answers for row in _rows(answer.result.experiment, answer)]
+    rows += [row for experiment in outcome.not_begun for row in _rows(experiment, None)]
+    swept = [
+        part for result in outcome.experiments if isinstance(result.conclusion, Swept) for part in sweep_text(result)
     ]
-    rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "", "-", "not begun")]
-    swept = [result for result in outcome.experiments if isinstance(result.conclusion, Swept)]
-    settings = [part for result in swept for part in sweep_text(result)]
-    return stack(*settings, Table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
+    remarks = [f"{answer.name}: {remark}" for answer in answers if (remark := answer.remark(verbose=verbose))]
+    remarks += [f"{in_a_row([each.name for each in outcome.not_begun])}: not begun"] if outcome.not_begun else []
+    return stack(
+        *swept,
+        Table(RESULTS, rows, totals=[*(f"{remark}." for remark in remarks), *_totals(outcome, verbose=verbose)]),
+        paragraph(_ending(outcome)),
+    )
 
 
-def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Iterator[Row]:
-    for member in experiment.members:
-        name = member.name
-        bounds = [f"{index} {show_bound(index_named(index), threshold)}" for index, threshold in member.apt.items()]
-        for threshold in bounds or ["none"]:
-            yield name, threshold, experiment.host.platform, amount, share, remark
-            name = share = amount = remark = ""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Answer:
+    """The answer of the components of one partition, as the table and the lines below it have it."""
+
+    result: ExperimentResult  # with the load that decides
+    amount: str = "-"
+    at: int | None = None  # the setting whose values are shown, in per cent
+    state: str = ""  # why there is no reservation, or what is left to do
+    details: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return self.result.experiment.name
+
+    def remark(self, *, verbose: bool) -> str:
+        return "; ".join(filter(None, [self.state, *(self.details if verbose else ())]))
 
 
-def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
-    """Return the CR, its LPs, and what else is known.
-
-    A plan uses the curve, so where it differs both are shown.
-    """
+def _answer(by_load: Sequence[ExperimentResult]) -> _Answer:
+    """Judge the components of a partition. A plan uses the curve, so where it differs both are said."""
+    result, loads = decisive(by_load), _loads(by_load)
     match result.conclusion:
         case Sufficient(reserve=reserve) if result.is_weak:
-            remark = f"no answer: the loads left processors idle ({_amount(result, reserve)} was enough beside them)"
+            state = (
+                f"no answer, because the loads left processors idle; with them {_amount(result, reserve)} was enough"
+            )
+            return _Answer(result=result, state=state)
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
-            remarks = [
-                _below(result, failed),
-                _inconclusive(result, inconclusive),
-                _planned(result, reserve),
-                loads,
-                f"up to {counted(more, 'setting')} more would narrow it: run the same command" if more else "",
-            ]
-            share = share_of_processors(reserve, result.experiment.setup.processors)
-            return share, _amount(result, reserve), ", ".join(filter(None, remarks))
+            narrow = f"run the same command to narrow it, up to {counted(more, 'setting')} more" if more else ""
+            return _Answer(
+                result=result,
+                amount=_amount(result, reserve),
+                at=reserve,
+                state="; ".join(filter(None, [_planned(result, reserve), narrow])),
+                details=(
+                    share_of_processors(reserve, result.experiment.setup.processors),
+                    _below(result, failed),
+                    _inconclusive(result, inconclusive),
+                    loads,
+                ),
+            )
         case NotAchievable(reserve=reserve):
-            return "", "-", ", ".join(filter(None, [f"not achievable at {_amount(result, reserve)}", loads]))
+            state = f"not achievable, not even with {_amount(result, reserve)}"
+            return _Answer(result=result, at=reserve, state=state, details=(loads,))
         case NotResolved():
-            remark = "not shown yet"
+            state = "not shown yet"
         case SettingFailed(reserve=reserve):
-            remark = f"too many failed samples at {_amount(result, reserve)}"
+            state = f"too many failed samples with {_amount(result, reserve)}"
         case Swept():
-            remark = "measured"
+            state = ""
         case Stopped():
-            enough = "" if result.planned is None else f"{_amount(result, result.planned)} enough so far"
-            return "", "-", ", ".join(filter(None, ["stopped", enough, loads]))
+            return _Answer(result=result, state=_stopped(result), details=(loads,))
         case _:
             assert_never(result.conclusion)
-    return "", "-", ", ".join(filter(None, [remark, _planned(result, None), loads]))
+    return _Answer(result=result, state="; ".join(filter(None, [state, _planned(result, None)])), details=(loads,))
+
+
+def _stopped(result: ExperimentResult) -> str:
+    """Say what is known of a search that did not end; without a new setting it is the answer of an earlier run."""
+    if result.planned is None:
+        return "stopped"
+    amount = _amount(result, result.planned)
+    return f"stopped; {amount} meets the threshold so far" if result.new else f"stopped; {amount} is of an earlier run"
+
+
+def _rows(experiment: Experiment, answer: _Answer | None) -> Iterator[tuple[str, ...]]:
+    """Yield a row a threshold; None: the experiment was not begun."""
+    values: Mapping[tuple[str, str], MeasuredIndex] = {}
+    if answer is not None and answer.at is not None:
+        settings = [setting for setting in answer.result.settings if setting.reserve == answer.at]
+        indexes = (each for setting in settings for each in measured_indexes(setting, experiment))
+        values = {(each.component, each.index): each for each in indexes}
+    amount, load = ("-", "") if answer is None else (answer.amount, answer.result.interference)
+    for member in experiment.members:
+        name = member.name
+        for index, threshold in member.apt.items():
+            bound = short_bound(index_named(index), threshold)
+            measured = values.get((member.name, index))
+            yield name, experiment.host.name, bound, _value(measured), amount, load
+            name = amount = ""
+        if not member.apt:
+            yield name, experiment.host.name, "none", "-", amount, load
+
+
+def _value(measured: MeasuredIndex | None) -> str:
+    if measured is None or measured.estimate is None:
+        return "-"
+    return show_value(index_named(measured.index), measured.estimate.value, measured.threshold)
 
 
 def _loads(by_load: Sequence[ExperimentResult]) -> str:
-    """Which of several loads decides, and what the first one alone asks for."""
+    """Return what the first load alone asks for, where a later one decides."""
     last, first = decisive(by_load), by_load[0]
-    if len(by_load) == 1 and last.of_loads == 1:
-        return ""
-    if last is first or not first.reserve:
-        return f"beside {last.interference}"
-    return f"beside {last.interference} ({first.interference} alone: {_amount(first, first.reserve)})"
+    return "" if last is first or not first.reserve else f"with {first.interference} {_amount(first, first.reserve)}"
 
 
 def _amount(result: ExperimentResult, reserve: int) -> str:
-    """Return a setting in LPs; the row has the share beside it."""
     return show_processors(guaranteed(reserve, result.experiment.setup.processors))
 
 
 def _below(result: ExperimentResult, failed: int | None) -> str:
-    """Return the highest lower setting that was not shown to be enough.
-
-    That one is not yet shown to be too little.
-    """
+    """Judge the highest lower setting that was not shown to be enough."""
     if not failed:
         return ""
     match shortfall_at(failed, result.settings, result.experiment):
@@ -142,7 +188,7 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
 
 
 def _inconclusive(result: ExperimentResult, reserves: Sequence[int]) -> str:
-    """Those between, without a steady state: they are neither enough nor too little."""
+    """Name the settings without a steady state: they are neither enough nor too little."""
     return f"{in_a_row([_amount(result, reserve) for reserve in reserves])} unsteady" if reserves else ""
 
 
@@ -151,20 +197,43 @@ def _planned(result: ExperimentResult, reserve: int | None) -> str:
     return "" if planned is None or planned == reserve else f"a plan reserves {_amount(result, planned)}"
 
 
-def _totals(outcome: MeasureOutcome) -> Iterator[Wording]:
+def _totals(outcome: MeasureOutcome, *, verbose: bool) -> Iterator[str]:
     results = outcome.experiments
-    for name in dict.fromkeys(result.experiment.host.name for result in results):
-        here = [result for result in results if result.experiment.host.name == name]
-        settings = counted(sum(len(result.settings) for result in here), "setting")
-        yield (f"{name}: {_reserved_on(name, outcome)}{settings}, {sum(result.new for result in here)} of them new.")
-        if unknown := outcome.unknown.get(name, ()):
-            yield f"Not known: {why_not_known(unknown)}."
+    for name in dict.fromkeys(result.host for result in results):
+        unknown = outcome.unknown.get(name, ())
+        totals = outcome.totals.get(name)
+        if totals is not None and (totals.reserved_lp or not unknown):
+            fixed = outcome.fixed_lp[name]
+            note = f", {show_processors(fixed)} of it fixed in the manifest" if fixed and verbose else ""
+            yield f"{name}: {'at least ' if unknown else ''}{describe_totals(totals)}{note}."
+        if unknown:
+            yield f"{name}: {why_not_known(unknown)}."
     yield from _skipped_lines(results)
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     if extremes:
         yield describe_errors(sure=False in extremes, so_far=True in extremes)
-    if missing := advise_to_measure(each for unknown in outcome.unknown.values() for each in unknown):
-        yield missing
+
+
+def _ending(outcome: MeasureOutcome) -> Wording:
+    """Say what was run, and the next command."""
+    results = outcome.experiments
+    components = counted(len({name for result in results for name in result.components}), "component")
+    settings = counted(sum(len(result.settings) for result in results), "setting")
+    done = f"Measured: {components}, {settings}, {sum(result.new for result in results)} of them new."
+    following = _next(outcome)
+    return done if following is None else prose(f"{done} Next: ", following)
+
+
+def _next(outcome: MeasureOutcome) -> RecommendedCommand | None:
+    """Return the command that comes next; None: the same one, or a finding names it."""
+    if outcome.stopped:
+        return None
+    unknown = [verdict.achievement for verdicts in outcome.unknown.values() for verdict in verdicts]
+    if unknown:
+        return MEASURE if Achievement.UNMEASURED in unknown else None
+    if any(totals.free_lp < 0 for totals in outcome.totals.values()):
+        return command("tune")
+    return PLAN if any(totals.reserved_lp for totals in outcome.totals.values()) else None
 
 
 def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
@@ -178,26 +247,68 @@ def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
     yield from described.values()
 
 
-def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
-    if host not in outcome.totals:
-        return ""
-    totals, fixed = outcome.totals[host], outcome.fixed_lp[host]
-    if outcome.unknown[host] and not totals.reserved_lp:
-        return ""
-    note = f" ({show_processors(fixed)} of it fixed in the manifest)" if fixed else ""
-    least = "at least " if outcome.unknown[host] else ""
-    claims = "".join(f", {text}" for text in describe_other_claims(totals.unmanaged_lp, totals.kept_lp))
-    whole = show_processors(totals.host_lp)
-    return f"a plan reserves {least}{show_processors(totals.reserved_lp)} of {whole} there{note}{claims}, by "
-
-
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:
-    """Those of the settings that were concluded from."""
+    """Yield those of the settings that were concluded from."""
     for result in results:
         if isinstance(result.conclusion, Sufficient | NotAchievable) and not result.is_weak:
             for setting in result.settings:
                 if setting.reserve == result.conclusion.reserve:
                     yield from measured_indexes(setting, result.experiment)
+
+
+SWEPT = (
+    Column("reservation", right=True),
+    Column("CR", right=True),
+    Column("measured"),
+    Column("bounds", wraps=True),
+    Column("verdict", wraps=True),
+    Column("remark", wraps=True),
+)
+
+
+def sweep_text(result: ExperimentResult) -> "Iterator[RenderableType]":
+    """Show a table for each performance index of the components. A setting is a row; the smallest reservation is first.
+
+    Args:
+        result: of components that were measured together with one load.
+    """
+    for member in result.experiment.members:
+        for name in member.apt or (WITHOUT_APT,):
+            yield paragraph(_heading(result, member, index_named(name)))
+            rows = list(_swept_rows(result, member, index_named(name)))
+            shown = len(SWEPT) if any(row[-1] for row in rows) else len(SWEPT) - 1
+            yield Table(SWEPT[:shown], [row[:shown] for row in rows])
+            yield ""
+
+
+def _heading(result: ExperimentResult, member: Component, index: PerformanceIndex) -> str:
+    """Describe the measurement: `vision with busy-loop on onboard: mean_response_time <= 50 ms.`."""
+    threshold = member.apt.get(index.name)
+    bound = f" {show_bound(index, threshold)}" if threshold is not None else ", no threshold"
+    number = result.experiment.setup.processors
+    processors = f"its {number} VP{'s' if number > 1 else ''}"
+    place = f"{member.name} with {result.interference} on {result.platform}"
+    return f"{place}: {index.name}{bound}. CR is per cent of {processors}."
+
+
+def _swept_rows(result: ExperimentResult, member: Component, index: PerformanceIndex) -> Iterator[tuple[str, ...]]:
+    threshold, run = member.apt.get(index.name), result.experiment.runs[member.name]
+    apt = {} if threshold is None else {index.name: threshold}
+    for setting in sorted(result.settings, key=lambda each: (each.reserve, each.seed)):
+        amount = show_processors(guaranteed(setting.reserve, result.experiment.setup.processors))
+        for series in setting.series:
+            if series.component == member.name:
+                point = point_of(setting, series, index.name, apt, run)
+                yield amount, show_percent(setting.reserve), *_describe_point(index, point)
+
+
+def _describe_point(index: PerformanceIndex, point: MeasuredPoint) -> tuple[str, str, str, str]:
+    verdict = "" if point.verdict is None else describe_verdict(index, point.verdict)
+    failed = f"{point.failed} of {point.samples} samples failed" if point.failed else ""
+    remark = "; ".join(filter(None, (point.remark, failed)))
+    if point.value is None:
+        return "-", "", verdict, remark
+    return show_value(index, point.value), show_range(index, point.low, point.high), verdict, remark
 
 
 def settings_text(result: ExperimentResult) -> "RenderableType":
@@ -211,7 +322,7 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
         amount = show_processors(guaranteed(setting.reserve, processors))
         share = share_of_processors(setting.reserve, processors)
         rows.append((amount, share, *(show_band(indexes[name]) for name in names)))
-    return Table(rows, header=("reservation", "CR", *heads), wrap=range(2, len(heads) + 2))
+    return Table((*SWEPT[:2], *(Column(head, wraps=True) for head in heads)), rows)
 
 
 def show_band(index: MeasuredIndex) -> str:
@@ -230,139 +341,3 @@ def show_estimate(name: str, estimate: Estimate) -> str:
         return f"{value} {describe_extreme(estimate.beyond)}"
     bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and estimate.lower != estimate.upper
     return f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded else value
-
-
-BETWEEN_LINES = 30.0
-"""Seconds from one line of progress to the next where nothing can be updated in place."""
-
-
-class MeasuringProgress(MeasuringReporter):
-    """A `MeasuringReporter` that writes to a person.
-
-    Args:
-        say: writes a line for good.
-        clock: seconds, from any start.
-        live: the table that is updated in place; None: lines are written, at most one in `BETWEEN_LINES`.
-    """
-
-    def __init__(
-        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveRows | None = None
-    ) -> None:
-        self._say = say
-        self._clock = clock
-        self._live = live
-        self._began = 0.0
-        self._remaining: RemainingSettings | None = None
-        self._said = clock()
-
-    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """Show nothing yet: the first setting names what is measured."""
-
-    def setting_started(self, experiment: Experiment, reserve: int, remaining: RemainingSettings | None) -> None:
-        """Show the running setting where it can be updated."""
-        self._began, self._remaining = self._clock(), remaining
-        if self._live is not None:
-            self._live.show((_subject(experiment), _setting(experiment, reserve), "..."))
-
-    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
-        """Show how many samples there are, what they come to, and how long it may yet take."""
-        if self._live is not None:
-            values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
-            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, reserve, seen)}"
-            self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
-
-    def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
-        """Say what was measured there and how long the rest takes, where the last line is long ago."""
-        now = self._clock()
-        if self._live is not None or now - self._said < BETWEEN_LINES:
-            return
-        self._said = now
-        series = {series.component: series for series in setting.series}
-        several = len(experiment.members) > 1
-        values = "; ".join(
-            f"{index.component} {show_index(index)}" if several else show_index(index)
-            for index in measured_indexes(setting, experiment)
-        )
-        took = show_seconds(now - self._began)
-        done = f"{samples_of(series)}, {values or 'measured'}, in {took}{_describe_remaining(remaining)}"
-        self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
-
-    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
-        """Say that it is measured again, why, and what that adds to the time that was said before."""
-        subject = f"{_subject(experiment)} at {_setting(experiment, reserve)}"
-        now = self._clock()
-        took, self._began = now - self._began, now
-        adds = f" This adds about {show_seconds(took)}." if took >= 1 else ""
-        self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}.{adds}"))
-
-    def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
-        """Show how many samples there are of each component."""
-        if self._live is not None:
-            named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
-            samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
-            self._live.show((f"{host} beside {load or 'no load'}", f"samples of {samples}"))
-
-    def experiment_ended(self) -> None:
-        """Leave no half line behind; what came of it stands in the summary."""
-        if self._live is not None:
-            self._live.hide()
-
-    def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
-        """Of the experiment, as the command's settings took so far; with the first one, of that setting."""
-        took = self._clock() - self._began
-        if self._remaining is not None:
-            return _describe_remaining(self._remaining, took)
-        done = share_done(experiment, reserve, series)
-        if not 0 < done < 1 or took < 1:
-            return ""
-        return f", at most {show_seconds(took * (1 - done) / done)} left"
-
-
-def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
-    """`, 12 s to about 40 s left`; nothing where that is not known, or nothing is left.
-
-    A setting that takes longer than those before may end at once.
-    """
-    if remaining is None:
-        return ""
-    of_this = min(took, remaining.setting_seconds)
-    least, most = (1000 * (count * remaining.setting_seconds - of_this) for count in (remaining.least, remaining.most))
-    if most <= 0:
-        return ""
-    if least <= 0:
-        return f", at most about {show_duration(most)} left"
-    if remaining.least == remaining.most:
-        return f", about {show_duration(most)} left"
-    return f", {show_duration(least)} to about {show_duration(most)} left"
-
-
-def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:
-    """Return how much of the longest that a setting may take is done, 1 at its end."""
-    budget_ms = experiment.budget.at(reserve)
-    return min(
-        min(1.0, until_share(seen, run.ends), max(len(seen.samples) / MOST_SAMPLES, seen.elapsed_ms / budget_ms))
-        for seen, run in ((series[name], run) for name, run in experiment.runs.items())
-    )
-
-
-def samples_of(by_component: Mapping[str, Series]) -> str:
-    """`143 samples`; of several components the fewest."""
-    return counted(min((len(series.samples) for series in by_component.values()), default=0), "sample")
-
-
-def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
-    """Return the values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
-    values = [
-        f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
-        for index in indexes
-        if index.estimate is not None
-    ]
-    return ", ".join(values) or "nothing to tell yet"
-
-
-def _subject(experiment: Experiment) -> str:
-    return f"{experiment.name} beside {experiment.setup.interference}"
-
-
-def _setting(experiment: Experiment, reserve: int) -> str:
-    return show_processors(guaranteed(reserve, experiment.setup.processors))

@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
@@ -28,9 +29,10 @@ from rarms_iac.views.changes import (
     members_of,
     tasks_of_created,
 )
-from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, Table, paragraph, stack, styled
+from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.harmless import visible
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -127,12 +129,10 @@ def _planned_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
         yield from (paragraph(visible(text, keep=""), indent=2) for text in _whereabouts(part))
         yield from _details(part)
         yield from _steps(part)
-    if part.host_totals is not None:
-        yield paragraph(afterwards(part.host_totals, part.name), indent=2)
 
 
-def afterwards(totals: HostTotals, host: str) -> str:
-    """Say what a host has promised after the plan, and what is free."""
+def _afterwards(totals: HostTotals, host: str) -> str:
+    """Say what is reserved on a host after the plan, and what is free."""
     reserved, memory = totals.reserved_lp, show_bytes(totals.promised.memory)
     of_host = f"{show_processors(reserved)} of {show_processors(totals.host_lp)}"
     own = f"{of_host} ({share_of_host(reserved, totals.host_lp, host)}) and {memory} reserved"
@@ -192,7 +192,8 @@ def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
     if verbose:
         for change in part.changes:
             yield from _full_change(change, part)
-    elif part.changes or part.held_back:
+        yield replace(plan_table(part), rows=())
+    else:
         yield plan_table(part)
 
 
@@ -226,11 +227,26 @@ def _details(part: HostPlan) -> "Iterator[RenderableType]":
     yield from _threads(part)
 
 
-HEADER = ("change", "reserve", "memory", "remark")
+CHANGES = (
+    Column("change", wraps=True),
+    Column("reservation", right=True, wraps=True),
+    Column("memory", right=True, wraps=True),
+    Column("remark", wraps=True),
+)
+ATTRIBUTES = (Column("attribute"), Column("value", wraps=True), Column("note", wraps=True))
+THREADS = (
+    Column("where"),
+    Column("priority", right=True),
+    Column("task class"),
+    Column("category"),
+    Column("components", wraps=True),
+)
 
 
 def plan_table(part: HostPlan) -> Table:
     """Return a row a change of a host: partitions by name, then the rest in the plan's order, then what is held back.
+
+    Its last line sums up what the host has reserved after the plan.
 
     A task class that is added with its partition is a remark of that one.
     """
@@ -241,7 +257,8 @@ def plan_table(part: HostPlan) -> Table:
     changes.sort(key=lambda change: (bool(change.address.task), natural_order(change.address.partition)))
     rows = [_row(change, part, classes) for change in changes]
     rows += [_row(held.change, part, {}, f"held back: {held.why}") for held in part.held_back]
-    return Table(rows, header=HEADER, right=(1, 2), wrap=(0, 1, 2, 3), indent=2)
+    totals = () if part.host_totals is None else (_afterwards(part.host_totals, part.name),)
+    return Table(CHANGES, rows, totals=totals, indent=2)
 
 
 def describe_held(unused: UnusedPartition) -> str:
@@ -326,7 +343,8 @@ def _full_change(change: Change, part: HostPlan, held: str = "") -> "Iterator[Re
     )
     if change.reason.message:
         yield paragraph(change.reason.message, indent=6)
-    yield Table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
+    rows = [_attribute(attribute) for attribute in attributes_of(change, part.facts)]
+    yield Table(ATTRIBUTES, rows, header=False, indent=6)
 
 
 def _attribute(attribute: AttributeText) -> "tuple[Text | str, ...]":
@@ -374,7 +392,7 @@ def _threads(part: HostPlan) -> "Iterator[RenderableType]":
         )
         for thread in part.threads
     ]
-    yield Table(rows, right=(1,), wrap=(4,), indent=4)
+    yield Table(THREADS, rows, indent=4)
 
 
 def _steps(part: HostPlan) -> "Iterator[RenderableType]":

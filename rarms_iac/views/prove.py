@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import SkippedLines
@@ -15,28 +15,37 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.error_probability import describe_errors
-from rarms_iac.views.console import Table, paragraph, stack
+from rarms_iac.views.console import paragraph
+from rarms_iac.views.table import Column, Table
+from rarms_iac.views.verdicts import short_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+VERDICTS = (
+    Column("component", wraps=True),
+    Column("host", wraps=True),
+    Column("threshold", wraps=True),
+    Column("measured", right=True),
+    Column("load", wraps=True),
+    Column("verdict", wraps=True),
+)
 
 
 def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     """Return a table a host and load, a row an index, and a sentence each."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows: list[tuple[str, ...]] = [
+    rows = [
         _row(proof, verdict)
         for proof in proofs
         for verdict in sorted(proof.verdicts, key=lambda each: natural_order(each.measured.component))
     ]
     sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
-    header: tuple[str, ...] = ("component", "threshold", "beside", "measured", "verdict")
-    if len({proof.interference for proof in proofs}) == 1:  # then the sentences say it
-        header, rows = _without_load(header), list(map(_without_load, rows))
-    verdicts = Table(rows, header=header, wrap=(1, len(header) - 1))
-    sentences = (*sharing, *map(_sentence, proofs), *_describe_skipped(proofs), _sureness(proofs))
-    return stack(verdicts, *map(paragraph, sentences))
+    return Table(
+        VERDICTS, rows, totals=[*sharing, *_describe_skipped(proofs), _sureness(proofs), *map(_sentence, proofs)]
+    )
 
 
 def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
@@ -52,13 +61,9 @@ def _describe_skipped(proofs: Sequence[LayoutProof]) -> Iterator[str]:
 
 def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
-    value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
-    threshold = f"{index.name} {show_bound(index, measured.threshold)}"
-    return measured.component, threshold, proof.interference or "no load", value, _verdict(verdict)
-
-
-def _without_load(row: tuple[str, ...]) -> tuple[str, ...]:
-    return (*row[:2], *row[3:])
+    value = "-" if measured.estimate is None else show_value(index, measured.estimate.value, measured.threshold)
+    bound = short_bound(index, measured.threshold)
+    return measured.component, proof.host, bound, value, proof.interference or "no load", _verdict(verdict)
 
 
 def _verdict(verdict: IndexVerdict) -> str:

@@ -11,20 +11,17 @@ from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.diagnostics import Diagnostic, Places, Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import counted
-from rarms_iac.views.console import Table
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.markdown import ITEM, code, finding_parts, fitting, plain_line, safe, table_markdown
-from rarms_iac.views.plan import HEADER, afterwards, plan_summary, plan_table, plan_text
+from rarms_iac.views.markdown import code, finding_parts, plain_line, safe, table_markdown
+from rarms_iac.views.plan import CHANGES, plan_summary, plan_table, plan_text
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 LONGEST_COMMENT = 65_536
 """Characters that GitHub takes."""
-
-_TABLE, _TOTALS = 20_000, 10_000
-"""Characters of the parts; together with findings, heads and ends they stay below the longest comment."""
 
 
 def plan_as(form: OutputFormat, plan: Plan, manifest: Manifest, *, verbose: bool) -> "RenderableType":
@@ -87,10 +84,8 @@ def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
 
 
 def _changes(plan: Plan) -> Iterator[str]:
-    rows = [(part.host.name, *row) for part in plan.hosts for row in plan_table(part).rows]
+    tables = {part.host.name: plan_table(part) for part in plan.hosts}
+    rows = [(name, *row) for name, table in tables.items() for row in table.rows]
     if rows:
-        right = [number + 1 for number in plan_table(plan.hosts[0]).right]
-        yield table_markdown(Table(rows, header=("host", *HEADER), right=right), _TABLE, "more changes")
-        totals = [(part.name, part.host_totals) for part in plan.hosts]
-        lines = [f"- {safe(f'{name}: {afterwards(each, name)}')}" for name, each in totals if each is not None]
-        yield "\n".join(fitting(lines, _TOTALS, ITEM, "more hosts"))
+        totals = [f"{name}: {line}" for name, table in tables.items() for line in table.totals]
+        yield table_markdown(Table((Column("host"), *CHANGES), rows, totals=totals), "more changes", "more hosts")

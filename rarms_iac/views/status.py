@@ -1,6 +1,7 @@
 """`rarms status`: how an application stands on its hosts, and the command that comes next."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -13,12 +14,14 @@ from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
+from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import members_of
-from rarms_iac.views.console import CHANGED, DIM, STRONG, Table, paragraph, stack, styled
+from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled
 from rarms_iac.views.drift import TITLES, name_findings
 from rarms_iac.views.history import describe_run
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
+from rarms_iac.views.table import Column, Row, Table
 from rarms_iac.views.verdicts import describe_verdicts
 
 if TYPE_CHECKING:
@@ -80,20 +83,8 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     totals = host.totals
     assert totals is not None, "it was looked at"
     bar = _bar(float((totals.reserved_lp + totals.unmanaged_lp) / totals.host_lp))
-    share = f"{show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
-    yield styled((f"Host {host.name}", STRONG), f"  {bar}  {share}")
-    if claims := describe_other_claims(totals.unmanaged_lp, totals.kept_lp):
-        yield paragraph(f"{', '.join(claims)}, {show_processors(totals.free_lp)} free", indent=2)
-    if host.partitions:
-        yield Table(
-            [_row(partition) for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))],
-            wrap=(0, 3),
-            right=(1, 2),
-            indent=2,
-        )
-    if host.test_partitions:
-        yield paragraph("Test partitions of a measurement, not counted above:", indent=2)
-        yield Table([_test_row(partition) for partition in host.test_partitions], wrap=(2,), right=(1,), indent=4)
+    yield styled((f"Host {host.name}", STRONG), f"  {bar}")
+    yield replace(partitions_table(host), totals=(f"{describe_totals(totals)}.",), indent=2)
     for drift in host.other_drift:
         name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)
@@ -116,33 +107,46 @@ def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str
     return [f"{show_processors(amount)} {purpose}" for amount, purpose in amounts if amount]
 
 
+def describe_totals(totals: HostTotals) -> str:
+    """`1.4 LP of 2 LP reserved, 0.2 LP kept for the host, 0.4 LP free`."""
+    free = f"{show_processors(totals.free_lp)} free"
+    if totals.free_lp < 0:
+        free = f"{show_processors(-totals.free_lp)} more than may be reserved"
+    reserved = f"{show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} reserved"
+    return ", ".join([reserved, *describe_other_claims(totals.unmanaged_lp, totals.kept_lp), free])
+
+
 def _bar(share: float) -> str:
     filled = min(BAR, round(BAR * share))
     return f"[{'#' * filled}{'.' * (BAR - filled)}]"
 
 
-def _row(partition: PartitionStatus) -> tuple[str, ...]:
-    return (
-        partition.name + members_of(partition.name, {partition.name: partition.components}),
-        show_processors(partition.reserved_lp),
-        share_of_processors(partition.reserve, partition.processors),
-        describe_partition(partition),
-    )
+PARTITIONS = (
+    Column("partition", wraps=True),
+    Column("reservation", right=True, unit="LP"),
+    Column("CR", right=True),
+    Column("state", wraps=True),
+)
 
 
-def _test_row(partition: TestPartitionStatus) -> tuple[str, ...]:
-    return partition.name, show_processors(partition.reserved_lp), describe_test_partition(partition)
+def partitions_table(host: HostOverview) -> Table:
+    """Return a row a partition by name, then the test partitions of measurements."""
+    rows: list[Row] = [
+        (
+            partition.name + members_of(partition.name, {partition.name: partition.components}),
+            partition.reserved_lp,
+            share_of_processors(partition.reserve, partition.processors),
+            "; ".join(_remarks(partition)),
+        )
+        for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))
+    ]
+    rows += [(test.name, test.reserved_lp, "", _test_state(test)) for test in host.test_partitions]
+    return Table(PARTITIONS, rows)
 
 
-def describe_test_partition(partition: TestPartitionStatus) -> str:
-    """Say whether it runs, and for whose measurement."""
+def _test_state(partition: TestPartitionStatus) -> str:
     whose = f"of {partition.application}" if partition.application else "not marked yet"
-    return f"{'running' if partition.running else 'off'}, {whose}"
-
-
-def describe_partition(partition: PartitionStatus) -> str:
-    """Say whether it runs, and what is not as it was applied or is wanted."""
-    return "; ".join(_remarks(partition))
+    return f"test partition, not counted below; {'running' if partition.running else 'off'}, {whose}"
 
 
 def _remarks(partition: PartitionStatus) -> Iterator[str]:

@@ -18,11 +18,11 @@ from rarms_iac.views.harmless import spell_out_hidden, visible
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from rarms_iac.views.console import LiveTable
+    from rarms_iac.views.table import LiveTable
 
 
 NARROWEST = 40
-WIDEST = 100
+WIDEST = 120
 """Longer lines are harder to read, however wide the terminal is."""
 DEFAULT_WIDTH = 80
 
@@ -143,7 +143,7 @@ class Terminal:
     def live_table(self) -> "LiveTable | None":
         """Return the command's one table that is updated in place; None where standard error is no terminal."""
         if self.lively and self._live_table is None:
-            from rarms_iac.views.console import LiveTable
+            from rarms_iac.views.table import LiveTable
 
             self._live_table = LiveTable(self.live())
         return self._live_table

@@ -1,19 +1,22 @@
 """`rarms tune`: a table of the settings it asks for, updated in place, and the partitions that it leaves."""
 
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.measuring.tune import TuningResult
-from rarms_iac.model.quantities import plain, show_lp_percent
+from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
-from rarms_iac.views.console import LiveRows, Table, paragraph, stack
+from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.table import Column, LiveRows, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+SETTINGS = (Column("components", wraps=True), Column("reservation", right=True), Column("answer", wraps=True))
 
 
 class TuningProgress(SilentReporter):
@@ -50,7 +53,7 @@ class TuningProgress(SilentReporter):
     def ended(self) -> None:
         """Leave the table on the terminal."""
         if self._live is not None and self._live.rows:
-            self._say(Table(self._live.rows, wrap=(0, 2), right=(1,)))
+            self._say(Table(SETTINGS, tuple(self._live.rows)))
             self._live.rows.clear()
 
 
@@ -65,22 +68,36 @@ def tuned_text(result: TuningResult) -> "RenderableType":
     """Return the partitions, where there were some to tune, and what all of it came to."""
     sentences = map(paragraph, _sentences(result))
     partitions = result.run.partitions
-    return stack(*([partitions_table(partitions)] if partitions else []), *sentences)
+    return stack(*([partitions_table(partitions, {})] if partitions else []), *sentences)
 
 
-def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
-    """Return a row a partition as tuning left it; of a compound that it made also what its parts reserved apart."""
+PARTITIONS = (
+    Column("partition", wraps=True),
+    Column("components", wraps=True),
+    Column("reservation", right=True, unit="LP", style="strong"),
+    Column("CR"),
+    Column("apart", right=True, unit="LP"),
+)
+
+
+def partitions_table(partitions: Sequence[TunedPartition], remarks: Mapping[tuple[str, ...], str]) -> Table:
+    """Return a row a partition as tuning left it; of a compound that it made also what its parts reserved apart.
+
+    Args:
+        partitions: as tuning left them.
+        remarks: what follows the components, by their sorted names.
+    """
     rows = [
         (
             partition.name,
-            ", ".join(partition.components),
-            _number(partition.reserved),
+            ", ".join(partition.components) + remarks.get(tuple(sorted(partition.components)), ""),
+            partition.reserved_lp,
             f"{partition.reserve} % of its VPs",
-            "" if partition.parts is None else _number(partition.parts),
+            partition.parts_lp,
         )
         for partition in partitions
     ]
-    return Table(rows, header=("partition", "components", "LP", "CR", "LP apart"), wrap=(0, 1), right=(2, 4))
+    return Table(PARTITIONS, rows)
 
 
 def _sentences(result: TuningResult) -> Sequence[str]:
@@ -117,10 +134,6 @@ def describe_doubts(run: TuningRun) -> Sequence[str]:
         f"{doubt.shown} % of their VPs, since the samples did not tell at {doubt.unresolved} % of them."
         for doubt in run.doubts
     ]
-
-
-def _number(percent: int) -> str:
-    return plain(Fraction(percent, 100))
 
 
 def manifest_changes(result: TuningResult) -> tuple[str, ...]:

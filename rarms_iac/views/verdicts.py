@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import MEASURE, Prose, prose
+from rarms_iac.model.indexes import PerformanceIndex, show_bound
+from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import in_a_row, list_names
 
 
@@ -54,3 +56,8 @@ def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
         f"{list_names(names)} {'is' if len(names) == 1 else 'are'} {words}"
         for words, names in _by_words(verdicts, with_indexes=False).items()
     )
+
+
+def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
+    """`p95 <= 100 ms`, `success_rate >= 99 %`: what leaves room in a table."""
+    return f"{index.name.removesuffix('_response_time')} {show_bound(index, threshold)}"

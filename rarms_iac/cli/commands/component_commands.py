@@ -17,8 +17,8 @@ from rarms_iac.cli.session import Session
 from rarms_iac.measuring.prove import ProveRequest, prove_layout
 from rarms_iac.measuring.run_component import RunRequest, become_component, run_components_of
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.progress import FailureReporter, LiveSampleReporter
 from rarms_iac.views.prove import proof_text
 from rarms_iac.views.select import selection_text
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import flag, option, read_percent
+from rarms_iac.app.options import flag, option, read_percent, verbose_option
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import write_scripts
 from rarms_iac.app.use_case_errors import RequestError
@@ -39,6 +39,7 @@ class MeasureOptions(StopOptions):
     first: int | None = option("--from", metavar="PERCENT", read=read_percent, help="Measure from here, as 10%, ...")
     last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="... to here ...")
     step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... so far apart, all of it.")
+    verbose: bool = verbose_option()
     interactive: bool = flag("--interactive", help="Measure a coarse curve, and ask for the level that is good enough.")
     script: bool = flag("--script", help="Show the PowerShell that would run on Hyper-V hosts; nothing is run.")
     out: str | None = option("--out", metavar="FOLDER", help="With --script: write the exact bytes there.")
@@ -76,10 +77,7 @@ def measure_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     outcome = measure_components(hosts, request, control, prompt)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
-    session.answer(
-        lambda: json_of(outcome),
-        lambda: summary_text(outcome),
-    )
+    session.answer(lambda: json_of(outcome), lambda: summary_text(outcome, verbose=options.verbose))
     if options.interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
         further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)
         return _combine(session, hosts.reloaded(), further, control)

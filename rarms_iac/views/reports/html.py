@@ -21,9 +21,8 @@ from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.harmless import visible
 from rarms_iac.views.reports.candidates import drawing_of
-from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
+from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
-from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import (
     candidates_left_out,
     candidates_table,
@@ -32,6 +31,7 @@ from rarms_iac.views.reports.tables import (
     trail_table,
     tuned_table,
 )
+from rarms_iac.views.table import show_cell
 from rarms_iac.views.verdicts import advise_to_measure
 
 if TYPE_CHECKING:
@@ -87,14 +87,14 @@ def render_page(
             application=report.application,
             description=report.description,
             cards=cards,
-            levels=on_page(levels_table(report)),
+            levels=levels_table(report).on_page(),
             bars=[_bar(fit) for fit in report.capacities],
-            proofs=on_page(proofs_table(report)),
+            proofs=proofs_table(report).on_page(),
             tunings=[
-                (tuning.platform, tuning_text(tuning), on_page(trail_table([tuning])), on_page(tuned_table(tuning)))
+                (tuning.platform, tuning_text(tuning), trail_table([tuning]).on_page(), tuned_table(tuning).on_page())
                 for tuning in report.tunings
             ],
-            candidates=on_page(candidates_table(report)),
+            candidates=candidates_table(report).on_page(),
             drawing=drawing_of(report),
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),

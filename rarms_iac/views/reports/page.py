@@ -16,8 +16,8 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import other_claims_text
-from rarms_iac.views.reports.table import ReportTable, show_cell
 from rarms_iac.views.reports.tables import settings_of
+from rarms_iac.views.table import Table, show_cell
 from rarms_iac.views.verdicts import describe_achievement
 
 RESERVES = (0, 20, 40, 60, 80, 100)
@@ -63,7 +63,7 @@ class Plot:
     dots: tuple[Dot, ...]
     index_curve: IndexCurve
     scale: Scale
-    settings: ReportTable  # what was measured, as the page has it
+    settings: Table  # what was measured, as the page has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +87,6 @@ class Card:
         if self.measurement.fixed:
             return "; the manifest fixes the reserve"
         return "" if self.measurement.decides else "; to compare, no reservation rests on it"
-
-
-def on_page(table: ReportTable) -> ReportTable:
-    """Return the columns that the page shows."""
-    return table.select(lambda column: column.title)
 
 
 def cards_of(report: Report) -> tuple[Card, ...]:
@@ -122,7 +117,7 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     threshold = beginning(curve, scale)
     least = least_reserve([(curve.curve, threshold)])
     reserve = None if least is None else least
-    rows, settings = curve.rows, on_page(settings_of(measurement, curve))
+    rows, settings = curve.rows, settings_of(measurement, curve).on_page()
     together = len(measurement.components) > 1
     title = curve.index.name.replace("_", " ")
     return Plot(
@@ -188,7 +183,7 @@ def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
     return f"{above}L{_path(below[::-1])[1:]}Z"
 
 
-def _dots(curve: IndexCurve, settings: ReportTable, scale: Scale) -> Iterator[Dot]:
+def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
     for number, (point, row) in enumerate(zip(curve.points, settings.rows, strict=True)):
         if point.value is not None:
             yield Dot(

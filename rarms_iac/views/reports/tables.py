@@ -17,12 +17,13 @@ from rarms_iac.app.report_model import (
     Report,
 )
 from rarms_iac.model.achievement import Achievement, ReservationVerdict
-from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
+from rarms_iac.model.indexes import show_range, show_value
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.views.prove import describe_proof_setting, describe_verdict
-from rarms_iac.views.reports.table import Cell, Column, ReportTable, Value, finite
-from rarms_iac.views.verdicts import describe_achievement
+from rarms_iac.views.prove import describe_verdict, proof_time
+from rarms_iac.views.table import Cell, Column, Row, Table, finite
+from rarms_iac.views.tune import partitions_table
+from rarms_iac.views.verdicts import describe_achievement, short_bound
 
 MOST_CANDIDATES = 24
 
@@ -32,12 +33,10 @@ TIME_PLACES = 4
 RESERVE_LP = "reserve (LP)"
 RESERVE = "reserve (% of the partition's VPs)"
 
-Row = Sequence[Cell | Value]
-
 
 def _fields(*headings: str) -> tuple[Column, ...]:
     """Columns that only files have."""
-    return tuple(Column(field=heading) for heading in headings)
+    return tuple(Column(in_files=heading) for heading in headings)
 
 
 OF_A_LOG = _fields("component", "measured with", "platform", "interference")
@@ -48,28 +47,26 @@ def _of_a_log(component: str, measurement: Measurement) -> Row:
 
 
 LEVELS = (
-    Column(field="component", title="Component", short="component"),
-    Column(field="platform", title="Platform", short="platform"),
-    Column(field="index", title="Index"),
-    Column(field="direction"),
-    Column(field="threshold", title="Threshold (APT)"),
-    Column(short="threshold", wraps=True),
-    Column(field="unit"),
-    Column(field="expected at the reserve", title="Expected"),
-    Column(field=RESERVE_LP, title="Reserve", short="LP", style="strong", unit="LP", right=True),
-    Column(field=RESERVE, title="CR", short="CR", wraps=True),
-    Column(field="verdict", title="Verdict"),
+    Column("component", in_files="component"),
+    Column("platform", in_files="platform"),
+    Column("threshold", wraps=True),
+    *_fields("index", "direction", "threshold", "unit"),
+    Column("expected", in_files="expected at the reserve", right=True),
+    Column("load", page_only=True),
+    Column("reservation", in_files=RESERVE_LP, style="strong", unit="LP", right=True),
+    Column("CR", in_files=RESERVE, page_only=True),
+    Column("verdict", in_files="verdict", wraps=True),
 )
 
 
-def levels_table(report: Report) -> ReportTable:
+def levels_table(report: Report) -> Table:
     """Return a row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
-    return ReportTable(columns=LEVELS, rows=tuple(row for _, row in _levels(report)))
+    return Table(LEVELS, tuple(row for _, row in _levels(report)))
 
 
-def levels_of_component(report: Report, component: str) -> ReportTable:
+def levels_of_component(report: Report, component: str) -> Table:
     """Return the rows of that table that are about a component, alone or with the others of its partition."""
-    return ReportTable(columns=LEVELS, rows=tuple(row for names, row in _levels(report) if component in names))
+    return Table(LEVELS, tuple(row for names, row in _levels(report) if component in names))
 
 
 def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
@@ -92,34 +89,32 @@ def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
 
 def _level(measurement: Measurement, curve: IndexCurve) -> Row:
     assert curve.threshold is not None
-    reserve = measurement.reserve
+    reserve, threshold = measurement.reserve, curve.threshold
     point = None if reserve is None else curve.curve.value_at(reserve)
+    expected = None if point is None else show_value(curve.index, point.value, threshold)
+    share = None if reserve is None else share_of_processors(reserve, measurement.processors)
     return (
         curve.component,
         measurement.platform,
+        short_bound(curve.index, threshold),
         curve.index.name,
         curve.index.direction,
-        Cell(text=show_threshold(curve.index, curve.threshold), value=curve.threshold.value),
-        f"{curve.index.name} {show_bound(curve.index, curve.threshold)}",
+        threshold.value,
         curve.index.symbol,
-        None
-        if point is None
-        else Cell(
-            text=f"{show_value(curve.index, point.value)} with {measurement.interference}", value=finite(point.value)
-        ),
-        measurement.reserved_lp,
-        Cell(
-            text=_why_no_reserve(measurement.verdict, curve)
-            if reserve is None
-            else share_of_processors(reserve, measurement.processors),
-            value=reserve,
-        ),
+        None if point is None else Cell(text=expected or "", value=finite(point.value)),
+        measurement.interference,
+        _reserved(measurement.reserved_lp),
+        Cell(text=share or "", value=reserve),
         verdict_of(measurement.verdict, curve),
     )
 
 
 def _without_curve(name: str, platform: str | None, reserved: Fraction | None, verdict: str) -> Row:
-    return name, platform, None, None, None, verdict, None, None, reserved, None, verdict
+    return name, platform, *(None,) * 7, _reserved(reserved), None, verdict
+
+
+def _reserved(amount: Fraction | None) -> Cell | Fraction:
+    return Cell(text="not known") if amount is None else amount
 
 
 def verdict_of(verdict: ReservationVerdict, curve: IndexCurve) -> str:
@@ -127,15 +122,6 @@ def verdict_of(verdict: ReservationVerdict, curve: IndexCurve) -> str:
     own = (each.achievement for each in verdict.thresholds if (each.component, each.index) == _key(curve))
     words = describe_achievement(next(own, Achievement.UNMEASURED), verdict.not_measured)
     return f"{words} so far" if curve.index.is_extreme and words == Achievement.MET else words
-
-
-def _why_no_reserve(verdict: ReservationVerdict, curve: IndexCurve) -> str:
-    """Return the verdict on the threshold.
-
-    Where it is met and another one is not, it says that nothing follows from it alone.
-    """
-    words = verdict_of(verdict, curve)
-    return "not known" if words.startswith(Achievement.MET) else words
 
 
 def _key(curve: IndexCurve) -> tuple[str, str]:
@@ -152,9 +138,9 @@ TOTALS = _fields(
 )
 
 
-def totals_table(report: Report) -> ReportTable:
+def totals_table(report: Report) -> Table:
     """Return a row a platform."""
-    return ReportTable(columns=TOTALS, rows=tuple(map(_total, report.capacities)))
+    return Table(TOTALS, tuple(map(_total, report.capacities)))
 
 
 def _total(fit: PlatformCapacity) -> Row:
@@ -173,29 +159,29 @@ def _total(fit: PlatformCapacity) -> Row:
 
 SETTINGS = (
     *OF_A_LOG,
-    Column(field=RESERVE, title="Reserve"),
+    Column("reservation", in_files=RESERVE),
     *_fields("processors (VPs)", "index", "unit"),
-    Column(field="value", title="Measured"),
+    Column("measured", in_files="value"),
     *_fields("interval from", "interval to"),
-    Column(title="Interval"),
-    Column(field="samples", title="Samples"),
+    Column("interval"),
+    Column("samples", in_files="samples"),
     *_fields("effective samples", "failed samples", "direction", "threshold"),
-    Column(field="verdict", title="Verdict"),
+    Column("verdict", in_files="verdict"),
     *_fields("error of the verdict (%)"),
-    Column(field="remark", title="Remarks"),
+    Column("remarks", in_files="remark"),
     *_fields("data log"),
 )
 
 
-def settings_table(report: Report) -> ReportTable:
+def settings_table(report: Report) -> Table:
     """Return a row a setting and performance index."""
     curves = ((measurement, curve) for measurement in report.measurements for curve in measurement.indexes)
-    return ReportTable(columns=SETTINGS, rows=tuple(row for each in curves for row in settings_of(*each).rows))
+    return Table(SETTINGS, tuple(row for each in curves for row in settings_of(*each).rows))
 
 
-def settings_of(measurement: Measurement, curve: IndexCurve) -> ReportTable:
+def settings_of(measurement: Measurement, curve: IndexCurve) -> Table:
     """Return the rows of one performance index."""
-    return ReportTable(columns=SETTINGS, rows=tuple(_setting(measurement, curve, point) for point in curve.points))
+    return Table(SETTINGS, tuple(_setting(measurement, curve, point) for point in curve.points))
 
 
 def _setting(measurement: Measurement, curve: IndexCurve, point: MeasuredPoint) -> Row:
@@ -229,9 +215,9 @@ SAMPLES = (
 )
 
 
-def samples_table(report: Report) -> ReportTable:
+def samples_table(report: Report) -> Table:
     """Return a row a sample, in the order in which they were measured."""
-    return ReportTable(columns=SAMPLES, rows=tuple(_samples(report)))
+    return Table(SAMPLES, tuple(_samples(report)))
 
 
 def _samples(report: Report) -> Iterator[Row]:
@@ -253,69 +239,52 @@ def _samples(report: Report) -> Iterator[Row]:
 
 
 PROOFS = (
-    Column(title="Component", short="component"),
-    Column(title="Index"),
-    Column(title="Threshold (APT)"),
-    Column(short="threshold", wraps=True),
-    Column(short="on"),
-    Column(short="beside"),
-    Column(title="Observed"),
-    Column(short="measured"),
-    Column(title="Result", style="strong wrapping"),
-    Column(short="verdict", wraps=True),
+    Column("component"),
+    Column("threshold", wraps=True),
+    Column("host"),
+    Column("load", wraps=True),
+    Column("measured", right=True),
+    Column("interval", page_only=True),
+    Column("verdict", wraps=True, style="strong wrapping"),
+    Column("proven", page_only=True, style="wrapping"),
 )
 
 
-def proofs_table(report: Report) -> ReportTable:
+def proofs_table(report: Report) -> Table:
     """Return a row for what each component showed when all ran together, in the report's order."""
-    return ReportTable(columns=PROOFS, rows=tuple(map(_proof, report.proofs)))
+    return Table(PROOFS, tuple(map(_proof, report.proofs)))
 
 
 def _proof(proof: ComponentProof) -> Row:
     index, verdict = proof.index, describe_verdict(proof.index, proof.verdict)
-    result = (
-        verdict
-        + f": {describe_proof_setting(proof)}"
-        + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else "")
-    )
+    lower, upper = proof.lower, proof.upper
     return (
         proof.component,
-        index.name,
-        show_threshold(index, proof.threshold),
-        f"{index.name} {show_bound(index, proof.threshold)}",
+        short_bound(index, proof.threshold),
         proof.host,
         proof.interference or "no load",
-        _band(proof),
-        "cannot be told" if proof.value is None else show_value(index, proof.value),
-        Cell(text=result, missed=not proof.met),
-        verdict + (" (outdated)" if proof.outdated else ""),
+        "cannot be told" if proof.value is None else show_value(index, proof.value, proof.threshold),
+        "" if proof.value is None or lower is None or upper is None else show_range(index, lower, upper),
+        Cell(text=verdict + (" (outdated)" if proof.outdated else ""), missed=not proof.met),
+        f"{proof_time(proof)}, {proof.reserve} % of its VPs"
+        + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else ""),
     )
-
-
-def _band(proof: ComponentProof) -> str:
-    """`94.1 ms, 93.5 to 94.8 ms`, as far as the samples tell."""
-    if proof.value is None:
-        return "cannot be told"
-    value = show_value(proof.index, proof.value)
-    if proof.lower is None or proof.upper is None:
-        return value
-    return f"{value}, {show_range(proof.index, proof.lower, proof.upper)}"
 
 
 TRAIL = (
     *_fields("platform", "tuned", "number"),
-    Column(field="components", title="Components together"),
-    Column(field=RESERVE, title="Reserve"),
+    Column("components together", in_files="components"),
+    Column("reservation", in_files=RESERVE),
     *_fields("enough", "not met for sure by"),
-    Column(field="predicted (% of the partition's VPs)", title="Predicted"),
-    Column(title="Answer"),
+    Column("predicted", in_files="predicted (% of the partition's VPs)"),
+    Column("answer"),
     *_fields("claim"),
 )
 
 
-def trail_table(tunings: Iterable[PlatformTuning]) -> ReportTable:
+def trail_table(tunings: Iterable[PlatformTuning]) -> Table:
     """Return a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
-    return ReportTable(columns=TRAIL, rows=tuple(row for tuning in tunings for row in _trail(tuning)))
+    return Table(TRAIL, tuple(row for tuning in tunings for row in _trail(tuning)))
 
 
 def _trail(tuning: PlatformTuning) -> Iterator[Row]:
@@ -341,34 +310,15 @@ def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
     return " (outdated)" if tuple(sorted(components)) in tuning.outdated else ""
 
 
-TUNED = (
-    Column(title="Partition", short="partition"),
-    Column(title="Components", short="components", wraps=True),
-    Column(title="Reserve", short="LP", style="strong", unit="LP", right=True),
-    Column(title="CR", short="CR"),
-    Column(title="Its parts apart", short="LP apart", unit="LP", right=True),
-)
-
-
-def tuned_table(tuning: PlatformTuning) -> ReportTable:
+def tuned_table(tuning: PlatformTuning) -> Table:
     """Return a row a partition as it was left, with what the parts of a new one reserved."""
-    rows = (
-        (
-            part.name,
-            ", ".join(part.components) + _outdated(tuning, part.components),
-            part.reserved_lp,
-            f"{part.reserve} % of its VPs",
-            part.parts_lp,
-        )
-        for part in tuning.run.partitions
-    )
-    return ReportTable(columns=TUNED, rows=tuple(rows))
+    return partitions_table(tuning.run.partitions, dict.fromkeys(tuning.outdated, " (outdated)"))
 
 
-CANDIDATES = (Column(title="Components together"), Column(title="Reserve"))
+CANDIDATES = (Column("components together"), Column("reservation"))
 
 
-def candidates_table(report: Report) -> ReportTable:
+def candidates_table(report: Report) -> Table:
     """Return a row for each compound that could reserve less than its parts, at most `MOST_CANDIDATES`.
 
     Measured compounds come first, then those that may save most.
@@ -377,7 +327,7 @@ def candidates_table(report: Report) -> ReportTable:
         _compounds(report), key=lambda node: (not node.measured, node.low - node.high, len(node.members), node.name)
     )
     rows = ((" + ".join(node.members), node.label[-1]) for node in ranked[:MOST_CANDIDATES])
-    return ReportTable(columns=CANDIDATES, rows=tuple(rows))
+    return Table(CANDIDATES, tuple(rows))
 
 
 def candidates_left_out(report: Report) -> int:

@@ -13,10 +13,9 @@ from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
-from rarms_iac.views.console import Table, paragraph, stack
+from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
-from rarms_iac.views.reports.table import ReportTable, show_cell
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
 from rarms_iac.views.verdicts import advise_to_measure
 
@@ -86,7 +85,7 @@ def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType"
 
 
 def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
-    yield _table(levels_table(report))
+    yield levels_table(report)
     for fit in report.capacities:
         yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
     if missing := advise_to_measure(report.verdicts):
@@ -96,11 +95,11 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     if report.proofs:
         yield ""
         yield "All together, as `rarms prove` measured them last:"
-        yield _table(proofs_table(report))
+        yield proofs_table(report)
     for tuning in report.tunings:
         yield ""
         yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
-        yield _table(tuned_table(tuning))
+        yield tuned_table(tuning)
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""
@@ -110,16 +109,6 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
                 yield terminal_plot(measurement, index, ascii_only=ascii_only)
     yield ""
     yield legend(ascii_only=ascii_only)
-
-
-def _table(whole: ReportTable) -> "RenderableType":
-    shown = whole.select(lambda column: column.short)
-    return Table(
-        [tuple(map(show_cell, row)) for row in shown.rows],
-        header=[column.short for column in shown.columns],
-        wrap=[number for number, column in enumerate(shown.columns) if column.wraps],
-        right=[number for number, column in enumerate(shown.columns) if column.right],
-    )
 
 
 def _remark(measurement: Measurement) -> str:

@@ -31,8 +31,8 @@ from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.views.reports.page import cards_of, data_of
 from rarms_iac.views.reports.sentences import fit_text
-from rarms_iac.views.reports.table import show_cell
 from rarms_iac.views.reports.tables import levels_table, totals_table
+from rarms_iac.views.table import show_cell
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import HELD, PROOF, PROVEN, TAKEN, a_bench, a_log, a_series, a_setting, a_subject
 from tests.robots import a_log_of, a_measured_setting, a_robot, face_detection, path_planning, report_of_logs, the_logs
@@ -299,7 +299,7 @@ def test_members_show_what_their_partition_gets() -> None:
 
     rows = levels_in(report_of_logs(system, [logged]))
 
-    assert [(row["Component"], row["CR"]) for row in rows] == [
+    assert [(row["component"], row["CR"]) for row in rows] == [
         ("quick", "60 % of its 2 VPs"),
         ("slow", "60 % of its 2 VPs"),
     ]
@@ -391,7 +391,7 @@ def test_first_of_equal_loads_decides() -> None:
     report = report_of_logs(system, [beside_bursts, logged])
 
     assert [each.interference for each in report.measurements if each.decides] == ["busy-loop"]
-    assert show_cell(levels_table(report).rows[0][7]).endswith(" with busy-loop")
+    assert levels_in(report)[0]["load"] == "busy-loop"
 
 
 def test_fixed_reserve_counts_instead_of_log() -> None:
@@ -454,12 +454,12 @@ def test_summary_names_unmeasured_components() -> None:
 
     rows = levels_in(report_of_logs(system, the_logs(system)[:1]))
 
-    assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["CR"]) for row in rows] == [
-        ("face-detection", "at most 100 ms", "1.2 LP", "60 % of its 2 VPs"),
+    assert [(row["component"], row["threshold"], row["reservation"], row["CR"]) for row in rows] == [
+        ("face-detection", "mean <= 100 ms", "1.2 LP", "60 % of its 2 VPs"),
         ("video-streaming", "", "0.2 LP", ""),
-        ("speech-recognition", "", "", ""),
+        ("speech-recognition", "", "not known", ""),
     ]
-    assert rows[-1]["Verdict"] == "not measured"
+    assert rows[-1]["verdict"] == "not measured"
 
 
 def empty(report: Report) -> bool:
@@ -487,11 +487,11 @@ def test_no_view_has_reservation_while_threshold_is_open() -> None:
         ("steady", Achievement.MET),
         ("late", Achievement.OPEN),
     ]
-    rows = [(row["Component"], row["Reserve"], row["CR"], row["Verdict"]) for row in levels_in(report)]
+    rows = [(row["component"], row["reservation"], row["CR"], row["verdict"]) for row in levels_in(report)]
     assert rows == [
         ("steady", "1.2 LP", "60 % of its 2 VPs", "met"),
-        ("late", "", "not known", "met"),
-        ("late", "", "not shown yet", "not shown yet"),
+        ("late", "not known", "", "met"),
+        ("late", "not known", "", "not shown yet"),
     ]
     [fit] = report.capacities
     assert (fit.headroom_lp, fit.fits) == (None, None)
@@ -507,5 +507,5 @@ def test_component_without_load_log_is_not_totalled() -> None:
 
     report = report_of_logs(a_system(components=[vision]), [a_log_of(vision, face_detection)])
 
-    assert [row["Verdict"] for row in levels_in(report)] == ["not measured with bursts-20"]
+    assert [row["verdict"] for row in levels_in(report)] == ["not measured with bursts-20"]
     assert fit_text(report.capacities[0]).endswith("not known: vision is not measured with bursts-20.")

@@ -492,7 +492,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("status", "that are not measured yet", "measure"),
         Ask(
             "measure --interference busy-loop --from 50% --to 50%",
-            "Measure what is missing: ",
+            "Next: ",
             "measure",
             in_view=True,
         ),

@@ -46,9 +46,10 @@ def test_status_names_what_is_missing_first() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     after = rarms("status")
 
-    assert "0 LP of 2 LP reserved\n  0.2 LP kept for the host, 1.8 LP free" in before.out
+    assert "0 LP of 2 LP reserved, 0.2 LP kept for the host, 1.8 LP free" in before.out
     assert "Next: `rarms plan` shows what is not applied yet." in before.out
-    assert "[############........]  1.2 LP of 2 LP reserved\n  0.2 LP kept for the host, 0.6 LP free" in after.out
+    assert "Host onboard  [############........]\n" in after.out
+    assert "\n  1.2 LP of 2 LP reserved, 0.2 LP kept for the host, 0.6 LP free.\n" in after.out
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
     assert "Nothing is left to do: all is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
@@ -133,7 +134,7 @@ def test_history_tells_who_and_when() -> None:
 
     assert [(run["run"], run["ending"]) for run in runs] == [("apply", "done"), ("undo", "done"), ("apply", "done")]
     assert all(run["started_at"].endswith(" UTC") and "process" in run["started_by"] for run in runs)
-    assert [line.split()[-1] for line in shown.splitlines()[1:]] == ["done", "done", "undone"]
+    assert [line.split()[-1] for line in shown.splitlines()[2:]] == ["done", "done", "undone"]
 
 
 def test_intruder_is_told_by_drift_and_by_plan() -> None:
@@ -325,7 +326,7 @@ def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
     ]
     assert (host["partitions"], host["reserved_lp"], host["free_lp"]) == ([], 0, 1.8)
     text = rarms("status").out
-    assert "Test partitions of a measurement, not counted above:" in text
+    assert "test partition, not counted below" in " ".join(text.split())
     assert "Next: `rarms start`" in text
 
 

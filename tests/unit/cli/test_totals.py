@@ -83,6 +83,6 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     sizes |= {host["host_lp"] for host in selected["headrooms"]}
     assert set().union(*wholes) <= set(map(str, sizes)), "all LPs of a host, or of a platform's hosts"
     assert sum(map(bool, wholes)) >= 5
-    planned = re.findall(r"(\w+): a plan reserves ([\d.]+) LP of [\d.]+ LP there", measured.out)
+    planned = re.findall(r"(\w+): ([\d.]+) LP of [\d.]+ LP reserved", measured.out)
     assert {name: float(figure) for name, figure in planned} == {name: round(reserved[name], 2) for name, _ in planned}
     assert planned

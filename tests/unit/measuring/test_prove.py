@@ -107,7 +107,7 @@ def test_every_verdict_says_its_error(here: Path) -> None:
     assert (mean["verdict"], mean["verdict_error"]) == ("met", 0.01)
     assert float(str(mean["lower"])) < float(str(mean["value"])) < float(str(mean["upper"])) < 70
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
-    assert row_of(text, "vision")[1:] == ["mean_response_time <= 70 ms", "42.2 ms", "met"]
+    assert row_of(text, "vision")[1:] == ["onboard", "mean <= 70 ms", "42.2 ms", "busy-loop", "met"]
     assert "in 8 starts: all thresholds met." in text
     assert "99 % confidence each; a maximum or minimum is met" in " ".join(text.split())
     assert "met so far\n" in text, "of a maximum no sample can say what the next job does"
@@ -285,7 +285,7 @@ def test_missed_threshold_is_told_with_error(here: Path) -> None:
 
     assert (code, found) == (4, ["RARMS118"])
     assert indexes["vision mean_response_time"]["verdict"] == "missed"
-    assert row_of(prove().out, "vision")[1:] == ["mean_response_time <= 15 ms", "42.2 ms", "missed"]
+    assert row_of(prove().out, "vision")[1:] == ["onboard", "mean <= 15 ms", "42.2 ms", "busy-loop", "missed"]
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,7 @@ def test_several_loads_give_the_planned_reservation(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     with chdir(tmp_path):
         ran = rarms("measure", "--json")
-        again = rarms("measure")
+        again = rarms("measure", "-v")
         planned = rarms("plan", "--json")
         explained = rarms("explain", "a")
 
@@ -132,7 +132,7 @@ def test_several_loads_give_the_planned_reservation(tmp_path: Path) -> None:
     assert (bursts["interference"], bursts["so_far"]) == ("bursts-100", busy["reserve"])
     assert busy["reserve"] <= 12 < bursts["reserve"]
     assert bursts["measured"][0]["reserve"] == busy["reserve"], "a further load is asked to confirm"
-    assert f"beside bursts-100 (busy-loop alone: {busy['reserve'] / 100:g} LP)" in again.out
+    assert f"with busy-loop {busy['reserve'] / 100:g} LP." in again.out
     assert "0 of them new" in again.out
     (onboard,) = json.loads(planned.out)["hosts"]
     assert [change["reserved_lp"] for change in onboard["changes"]] == [bursts["reserve"] / 100]
@@ -235,7 +235,7 @@ def test_idle_busy_loop_is_measured_again(tmp_path: Path, monkeypatch: pytest.Mo
     assert "other work on the machine" in said
     assert "busy-loop left 40 % of 1 LP. Of 1 LP, make in /user.slice had 20 %." in said
     assert "rarms measure a --interference busy-loop --again" in said
-    assert "no answer: " in refused.out
+    assert "a: no answer" in refused.out
     assert "confidence" not in refused.out
     assert [each.code for each in (wanted, paper, swept)] == [0, 0, 0], paper.err + swept.err
     assert "99 % confidence each." in wanted.out

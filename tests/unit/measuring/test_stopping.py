@@ -56,7 +56,7 @@ def test_history_names_runs_for_a_measurement() -> None:
     assert rarms("stop", "speech", "--auto-approve").code == 0
     assert rarms("start", "speech", "--auto-approve").code == 0
 
-    [_, *rows] = rarms("history").out.splitlines()
+    [_, _, *rows] = rarms("history").out.splitlines()
 
     kinds = [re.split(r" {2,}", row.strip())[1] for row in rows]
     assert kinds == ["apply", "apply", "start after measuring", "stop to measure", "apply"]
@@ -72,7 +72,7 @@ def test_undo_skips_the_start_after_measuring() -> None:
 
     assert undone.code == 0, undone.err
     assert machines() == RUNNING
-    [_, *rows] = rarms("history").out.splitlines()
+    [_, _, *rows] = rarms("history").out.splitlines()
     kinds = [re.split(r" {2,}", row.strip())[1] for row in rows]
     measurement = ["start after measuring", "stop to measure"]
     assert kinds == ["undo", *measurement, *measurement, "apply", "apply"]

@@ -133,7 +133,7 @@ def in_all_reports(trail: Sequence[tuple[object, ...]]) -> None:
     tried = [(trial["reserve"], trial["met"]) for trial in tuning["trail"]]
     assert tried == [(row[4], row[5] == "yes") for row in trail]
     assert trail_in(Path("all.xlsx")) == trail
-    asked = re.findall(r'<th scope="row">paths \+ video</th><td data-is="Reserve">(\d+) % of its VPs</td>', page)
+    asked = re.findall(r'<th scope="row">paths \+ video</th><td data-is="Reservation">(\d+) % of its VPs</td>', page)
     assert asked == [str(row[4]) for row in trail]
     assert 'id="candidates"' in page
 

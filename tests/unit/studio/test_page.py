@@ -29,6 +29,7 @@ from rarms_iac.studio.page import (
     render_studio,
 )
 from rarms_iac.studio.plan_page import PlanOnPage
+from rarms_iac.views.table import Column, Table
 from tests.needs import ON_WINDOWS
 from tests.unit.views.reports.test_html import REPORT
 
@@ -54,7 +55,7 @@ STUDIO = StudioOnPage(
             name="x",
             sentence="x",
             parts=(BarPart(kind="x", start="x", width="x", title="x"),),
-            partitions=(("x", "x", "x", "x"),),
+            partitions=Table((Column("x"),), (("x",),)),
             problems=("x",),
             remark="x",
         ),
@@ -70,7 +71,7 @@ STUDIO = StudioOnPage(
     forms_by_verb={},
     plan=PLAN,
     plan_is_next=False,
-    history=(("x",) * 7,),
+    history=Table((Column("x"),), (("x",),)),
     can_undo=True,
     has_manifest=True,
 )  # fmt: skip

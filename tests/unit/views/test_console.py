@@ -1,28 +1,26 @@
 import io
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import (
-    BAD,
-    STRONG,
-    UNLIMITED,
-    Table,
-    columns,
-    cut_row,
-    indented,
-    paragraph,
-    render,
-    stack,
-    styled,
-)
+from rarms_iac.views.console import BAD, STRONG, UNLIMITED, columns, indented, paragraph, render, stack, styled
 from rarms_iac.views.harmless import visible
+from rarms_iac.views.table import Column, Row, Table, cut_row
 from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 
 
 def lines(content: object, width: int = 80) -> list[str]:
     return render(content, width).splitlines()  # type: ignore[arg-type]  # rich says `object` for renderables
+
+
+def a_table(
+    rows: Sequence[Row], header: Sequence[str] = (), wrap: Sequence[int] = (), right: Sequence[int] = ()
+) -> Table:
+    titles = header or [str(number) for number in range(len(rows[0]))]
+    columns = [Column(title, wraps=at in wrap, right=at in right) for at, title in enumerate(titles)]
+    return Table(columns, rows, header=bool(header))
 
 
 def test_a_number_is_not_parted_from_its_unit() -> None:
@@ -42,7 +40,7 @@ def test_further_lines_stand_below_first_word() -> None:
 @pytest.mark.parametrize("width", [40, 50, 60])
 def test_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> None:
     cells = ("path-planning", "maximum_response_time <= 400 ms", "177.5 ms", "met so far")
-    shown = lines(Table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
+    shown = lines(a_table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
 
     assert max(map(len, shown)) <= width
     told = " ".join(shown).split()
@@ -56,7 +54,7 @@ def test_long_row_stands_below_first_cell() -> None:
         ("y", "7 ms", "not met so far"),
     ]
 
-    assert lines(indented(Table(rows, header=("component", "value", "verdict")), 2), 32) == [
+    assert lines(indented(a_table(rows, header=("component", "value", "verdict")), 2), 32) == [
         "  face-detection-in-front",
         "    value: 88 ms  verdict: met",
         "  x",
@@ -67,7 +65,7 @@ def test_long_row_stands_below_first_cell() -> None:
         "    value: 7 ms",
         "    verdict: not met so far",
     ]
-    assert lines(Table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
+    assert lines(a_table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
 
 
 def test_further_lines_hang_below_the_text() -> None:
@@ -94,7 +92,7 @@ def test_wrapping_loses_no_word(text: str, width: int) -> None:
 def test_table_wraps_columns_without_breaking_names() -> None:
     rows = [("mean_response_time", "88 ms", "far below what it must be"), ("x", "9 ms", "met")]
 
-    assert lines(Table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
+    assert lines(a_table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
         "index               value  verdict",
         "mean_response_time  88 ms  far below what it",
         "                           must be",
@@ -122,7 +120,7 @@ def test_wide_table_loses_nothing(wrap: tuple[int, ...], width: int) -> None:
         ("vision", "throughput", "29.8 /s", "enough, by a hair", "140 %"),
     ]
 
-    shown = lines(Table(rows, header=header, wrap=wrap, right=(2, 4)), width)
+    shown = lines(a_table(rows, header=header, wrap=wrap, right=(2, 4)), width)
 
     words = " ".join(shown).replace(":", "").split()
     assert [word for cells in (header[1:], *rows) for cell in cells for word in cell.split() if word not in words] == []

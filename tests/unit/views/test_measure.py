@@ -15,9 +15,11 @@ from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import System
-from rarms_iac.views.console import LiveTable, live_console, render
+from rarms_iac.views.console import live_console, render
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.measure import MeasuringProgress, share_done, summary_text
+from rarms_iac.views.measure import summary_text
+from rarms_iac.views.progress import MeasuringProgress, share_done
+from rarms_iac.views.table import LiveTable
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.robots import a_measured_setting
@@ -58,9 +60,8 @@ def outcome_of(result: ExperimentResult) -> MeasureOutcome:
 
 
 def text(results: list[ExperimentResult], waiting: list[Experiment] | None = None) -> str:
-    return render(
-        summary_text(MeasureOutcome(experiments=tuple(results), findings=(), not_begun=tuple(waiting or ()))), 120
-    )
+    outcome = MeasureOutcome(experiments=tuple(results), findings=(), not_begun=tuple(waiting or ()))
+    return render(summary_text(outcome, verbose=True), 120)
 
 
 def test_a_setting_below_that_misses_is_not_enough() -> None:
@@ -91,8 +92,8 @@ def test_unsteady_settings_are_told_beside_failures() -> None:
     )
     alone = replace(member, conclusion=Sufficient(reserve=60, failed=None, inconclusive=(57,)))
 
-    assert "1.1 LP too little, 1.12 LP and 1.14 LP unsteady" in " ".join(text([member]).split())
-    assert "1.2 LP  60 % of its 2 VPs  1.14 LP unsteady" in text([alone])
+    assert "1.1 LP too little; 1.12 LP and 1.14 LP unsteady" in " ".join(text([member]).split())
+    assert "vision: 60 % of its 2 VPs; 1.14 LP unsteady." in text([alone])
     assert '"inconclusive": [\n        56,\n        57\n' in json_of(outcome_of(member))
     check(json_of(outcome_of(member)))
 
@@ -100,7 +101,7 @@ def test_unsteady_settings_are_told_beside_failures() -> None:
 def test_early_end_says_remaining_settings() -> None:
     result = replace(found(105.0), conclusion=Sufficient(reserve=60, failed=51, more_settings=8))
 
-    assert "up to 8 settings more would narrow it: run the same command" in " ".join(text([result]).split())
+    assert "vision: run the same command to narrow it, up to 8 settings more" in " ".join(text([result]).split())
     assert '"more_settings": 8' in json_of(outcome_of(result))
     check(json_of(outcome_of(result)))
 
@@ -120,8 +121,10 @@ def test_a_search_that_was_stopped_promises_no_plan() -> None:
 
     summary = " ".join(text([stopped]).split())
 
-    assert "stopped, 1.2 LP enough so far" in summary
+    assert "vision: stopped; 1.2 LP meets the threshold so far." in summary
     assert "a plan reserves" not in summary
+    assert "Next:" not in summary
+    assert "vision: stopped; 1.2 LP is of an earlier run." in " ".join(text([replace(stopped, new=0)]).split())
 
 
 def test_maximum_has_no_known_error() -> None:
@@ -148,7 +151,7 @@ def test_whose_turn_early_end_left_out_is_named() -> None:
     document = json_of(MeasureOutcome(experiments=(found(105.0),), findings=(), not_begun=(an_experiment("speech"),)))
 
     assert [line.split()[0] for line in summary.splitlines()[1:3]] == ["vision", "speech"]
-    assert "not begun" in summary.splitlines()[2]
+    assert "speech: not begun." in summary
     check(document)
     assert '"not_begun": [\n    "speech"' in document
 

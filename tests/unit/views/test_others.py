@@ -254,7 +254,7 @@ def test_only_undo_that_ended_well_makes_apply_undone() -> None:
     def endings(closing: Closing | None) -> list[str]:
         undo = replace(applied, run=RunKind.UNDO, closing=closing)
         shown = render(history_text(History(application="robot", hosts={"onboard": (applied, undo)}, unrecorded={})))
-        return [line.split()[-1] for line in shown.splitlines()[1:]]
+        return [line.split()[-1] for line in shown.splitlines()[2:]]
 
     assert endings(None) == ["unfinished", "done"]
     assert endings(Closing.ABANDONED) == ["abandoned", "done"]

@@ -47,7 +47,7 @@ def test_new_partition_is_one_line() -> None:
 
     lines = lines_of(plan(part))
 
-    assert "  + vision [vision, speech]   0.3 LP  512 MiB  task MotionControl" in lines
+    assert "  + vision [vision, speech]       0.3 LP  512 MiB  task MotionControl" in lines
     assert lines[-1] == "Plan: 2 to add (1 task class with its partition), 0 to change, 0 to remove."
     assert lines_of(plan(host_plan(changes=[create(task())])))[-1] == "Plan: 1 to add, 0 to change, 0 to remove."
 
@@ -77,7 +77,7 @@ def test_remaking_is_said_and_counts_twice() -> None:
 
     shown = shown_alone(update(before, after, disruption=Disruption.REMOVAL))
 
-    assert "  -/+ vision   0.8 LP  512 MiB  generation 1 -> 2; made again" in shown
+    assert "  -/+ vision       0.8 LP  512 MiB  generation 1 -> 2; made again" in shown
     assert shown[-1] == "Plan: 1 to add, 0 to change, 1 to remove."
 
 
@@ -205,7 +205,7 @@ CLASSES = (
 def threads_of(part: HostPlan) -> list[str]:
     lines = lines_of(plan(part), verbose=True)
     start = next((at for at, line in enumerate(lines) if "Thread priorities" in line), len(lines))
-    return [line for line in lines[start : start + 4] if line.startswith("  ")]
+    return [line for line in lines[start : start + 5] if line.startswith("  ")]
 
 
 def test_thread_priorities_stand_by_operating_system_highest_first() -> None:
@@ -213,16 +213,17 @@ def test_thread_priorities_stand_by_operating_system_highest_first() -> None:
 
     assert threads_of(part) == [
         "  Thread priorities, once its Windows has started again:",
-        "    the host itself   23  MotionControl         Medium  arm",
-        "    partition/vision  23  ObjectIdentification  Medium  camera, lidar",
-        "    partition/vision  21  Localization          Medium  map",
+        "    where             priority  task class            category  components",
+        "    the host itself         23  MotionControl         Medium    arm",
+        "    partition/vision        23  ObjectIdentification  Medium    camera, lidar",
+        "    partition/vision        21  Localization          Medium    map",
     ]
 
 
 def test_guest_script_by_hand_is_shown() -> None:
     part = replace(host_plan(scripts={"onboard.guest.vision.ps1": "..."}, unused=["old"]), threads=CLASSES)
 
-    assert len(threads_of(part)) == 4
+    assert len(threads_of(part)) == 5
 
 
 def test_plan_without_classes_names_no_threads() -> None:

@@ -10,9 +10,10 @@ from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
-from rarms_iac.views.console import LiveTable, live_console, render
+from rarms_iac.views.console import live_console, render
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.reports.tables import trail_table
+from rarms_iac.views.table import LiveTable
 from rarms_iac.views.tune import TuningProgress, tuned_text
 from tests.builders_measured import TUNED
 from tests.unit.views.test_json import check
@@ -79,6 +80,7 @@ def test_answer_is_a_line_or_a_row() -> None:
         "a+b at 45 % of its VPs: all met (predicted 44 % of its VPs)\n",
     ]
     assert terminal == [
-        "a+b  40 % of its VPs  missed by a (predicted 44 % of its VPs)\n"
-        "a+b  45 % of its VPs  all met (predicted 44 % of its VPs)\n"
+        "components      reservation  answer\n"
+        "a+b         40 % of its VPs  missed by a (predicted 44 % of its VPs)\n"
+        "a+b         45 % of its VPs  all met (predicted 44 % of its VPs)\n"
     ]

@@ -87,5 +87,5 @@ def test_text_report_has_summary_total_and_every_plot() -> None:
     text = render(report_text(REPORT))
 
     assert "onboard: 1.72 LP of 2 LP reserved (86 % of onboard)" in text
-    assert re.search(r"face-detection +onboard +mean_response_time <=[ .]+1\.2 +60 % of its 2", text)
+    assert re.search(r"face-detection +onboard +mean.* 1\.2 LP +met", text)
     assert text.count("against CR") == 4

@@ -1,0 +1,279 @@
+"""What is shown while components run: each setting of a measurement, and each sample of `rarms run` as it happens."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from rarms_iac.app.control import MeasuringReporter, RemainingSettings
+from rarms_iac.measuring.component_results import ComponentRunResult
+from rarms_iac.measuring.findings import show_index
+from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes
+from rarms_iac.measuring.run_component import SampleReporter
+from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.indexes import index_named, show_bound, show_value
+from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
+from rarms_iac.model.quantities import ReservePercent, guaranteed, show_duration, show_number, show_processors
+from rarms_iac.model.run import STREAM_NAMES
+from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
+from rarms_iac.model.setting import Setting
+from rarms_iac.model.wording import counted, natural_order
+from rarms_iac.running.reading import describe_skipped
+from rarms_iac.running.samples import SamplingEnd
+from rarms_iac.statistics.verdicts import until_share
+from rarms_iac.views.console import paragraph, show_seconds, stack
+from rarms_iac.views.harmless import visible
+from rarms_iac.views.measure import show_estimate
+from rarms_iac.views.table import Column, LiveRows, Table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+BETWEEN_LINES = 30.0
+"""Seconds from one line of progress to the next where nothing can be updated in place."""
+
+
+class MeasuringProgress(MeasuringReporter):
+    """A `MeasuringReporter` that writes to a person.
+
+    Args:
+        say: writes a line for good.
+        clock: seconds, from any start.
+        live: the table that is updated in place; None: lines are written, at most one in `BETWEEN_LINES`.
+    """
+
+    def __init__(
+        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveRows | None = None
+    ) -> None:
+        self._say = say
+        self._clock = clock
+        self._live = live
+        self._began = 0.0
+        self._remaining: RemainingSettings | None = None
+        self._said = clock()
+
+    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
+        """Show nothing yet: the first setting names what is measured."""
+
+    def setting_started(self, experiment: Experiment, reserve: int, remaining: RemainingSettings | None) -> None:
+        """Show the running setting where it can be updated."""
+        self._began, self._remaining = self._clock(), remaining
+        if self._live is not None:
+            self._live.show((_subject(experiment), _setting(experiment, reserve), "..."))
+
+    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+        """Show how many samples there are, what they come to, and how long it may yet take."""
+        if self._live is not None:
+            values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
+            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, reserve, seen)}"
+            self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
+
+    def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
+        """Say what was measured there and how long the rest takes, where the last line is long ago."""
+        now = self._clock()
+        if self._live is not None or now - self._said < BETWEEN_LINES:
+            return
+        self._said = now
+        series = {series.component: series for series in setting.series}
+        several = len(experiment.members) > 1
+        values = "; ".join(
+            f"{index.component} {show_index(index)}" if several else show_index(index)
+            for index in measured_indexes(setting, experiment)
+        )
+        took = show_seconds(now - self._began)
+        done = f"{samples_of(series)}, {values or 'measured'}, in {took}{_describe_remaining(remaining)}"
+        self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
+
+    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
+        """Say that it is measured again, why, and what that adds to the time that was said before."""
+        subject = f"{_subject(experiment)} at {_setting(experiment, reserve)}"
+        now = self._clock()
+        took, self._began = now - self._began, now
+        adds = f" This adds about {show_seconds(took)}." if took >= 1 else ""
+        self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}.{adds}"))
+
+    def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
+        """Show how many samples there are of each component."""
+        if self._live is not None:
+            named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
+            samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
+            self._live.show((f"{host} beside {load or 'no load'}", f"samples of {samples}"))
+
+    def experiment_ended(self) -> None:
+        """Leave no half line behind; what came of it stands in the summary."""
+        if self._live is not None:
+            self._live.hide()
+
+    def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
+        """Of the experiment, as the command's settings took so far; with the first one, of that setting."""
+        took = self._clock() - self._began
+        if self._remaining is not None:
+            return _describe_remaining(self._remaining, took)
+        done = share_done(experiment, reserve, series)
+        if not 0 < done < 1 or took < 1:
+            return ""
+        return f", at most {show_seconds(took * (1 - done) / done)} left"
+
+
+def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
+    """`, 12 s to about 40 s left`; nothing where that is not known, or nothing is left.
+
+    A setting that takes longer than those before may end at once.
+    """
+    if remaining is None:
+        return ""
+    of_this = min(took, remaining.setting_seconds)
+    least, most = (1000 * (count * remaining.setting_seconds - of_this) for count in (remaining.least, remaining.most))
+    if most <= 0:
+        return ""
+    if least <= 0:
+        return f", at most about {show_duration(most)} left"
+    if remaining.least == remaining.most:
+        return f", about {show_duration(most)} left"
+    return f", {show_duration(least)} to about {show_duration(most)} left"
+
+
+def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:
+    """Return how much of the longest that a setting may take is done, 1 at its end."""
+    budget_ms = experiment.budget.at(reserve)
+    return min(
+        min(1.0, until_share(seen, run.ends), max(len(seen.samples) / MOST_SAMPLES, seen.elapsed_ms / budget_ms))
+        for seen, run in ((series[name], run) for name, run in experiment.runs.items())
+    )
+
+
+def samples_of(by_component: Mapping[str, Series]) -> str:
+    """`143 samples`; of several components the fewest."""
+    return counted(min((len(series.samples) for series in by_component.values()), default=0), "sample")
+
+
+def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
+    """Return the values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
+    values = [
+        f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
+        for index in indexes
+        if index.estimate is not None
+    ]
+    return ", ".join(values) or "nothing to tell yet"
+
+
+def _subject(experiment: Experiment) -> str:
+    return f"{experiment.name} beside {experiment.setup.interference}"
+
+
+def _setting(experiment: Experiment, reserve: int) -> str:
+    return show_processors(guaranteed(reserve, experiment.setup.processors))
+
+
+ENDINGS = {
+    SamplingEnd.UNTIL: "",
+    SamplingEnd.RUNNING: ", still running",
+    SamplingEnd.CLOSED: ", ended early",
+    SamplingEnd.FAILURES: ", ended by failed samples",
+}
+
+
+INDEXES = (Column("index"), Column("measured", wraps=True), Column("threshold"), Column("verdict"))
+
+
+def sample_text(component: str, number: int, sample: Sample) -> str:
+    """Return a line: `face-detection 12  at 1.204 s  response 10.6 ms`, and what is special about it."""
+    parts = [f"{component} {number:>4}", f"at {sample.began_ms / 1000:.3f} s"]
+    if sample.failure:
+        return "  ".join([*parts, f"failed: {visible(sample.failure, keep='')}"]) + "\n"
+    if sample.response_ms is not None:
+        parts.append(f"response {show_number(sample.response_ms)} ms")
+    if sample.count != 1.0:
+        parts.append(f"count {show_number(sample.count)}")
+    if not sample.successful:
+        parts.append("not successful")
+    return "  ".join(parts) + "\n"
+
+
+def _summary_text(ran: ComponentRunResult) -> "RenderableType":
+    """Return what the samples come to: a line, and a row an index of the APT."""
+    verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
+    bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
+    rows = [
+        (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
+        for index, estimate in ran.estimates.items()
+    ]
+    skipped = ran.skipped_lines
+    notes = [paragraph(f"{describe_skipped(ran.run.samples, skipped)}.")] if skipped.count else []
+    return stack(paragraph(_head(ran)), Table(INDEXES, rows, indent=2), *notes)
+
+
+def _head(ran: ComponentRunResult) -> str:
+    series = ran.series
+    cpu = (
+        ""
+        if series.cpu_ms is None
+        else f"; {show_number(series.cpu_ms / 1000)} s of processor time, its start included"
+    )
+    failed = f", {ran.failed} failed" if ran.failed else ""
+    elapsed = show_number(series.elapsed_ms / 1000)
+    samples = counted(len(series.samples), "sample")
+    return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}"
+
+
+def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
+    match estimate:
+        case NoEstimate(reason=reason):
+            return reason
+        case Estimate():
+            return show_estimate(index, estimate)
+
+
+FAILURE_LINES = 10
+"""Lines of the stream without samples that are shown where samples failed."""
+
+
+class Screen(Protocol):
+    """Where samples are shown."""
+
+    def data(self, text: str) -> None:
+        """Write what was asked for."""
+
+    def show(self, content: "RenderableType") -> None:
+        """Write what was asked for, laid out."""
+
+    def talk(self, content: "RenderableType") -> None:
+        """Write what is said beside it."""
+
+    def tell(self, text: str) -> None:
+        """Write sentences beside it, wrapped between words."""
+
+    def flush(self) -> None:
+        """Show all of it now."""
+
+
+class FailureReporter(SampleReporter):
+    """A `SampleReporter` that shows the last other output of a component whose samples failed."""
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+
+    def place_chosen(self, message: str) -> None:
+        """Say it beside the samples."""
+        self._screen.tell(message)
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show the last lines."""
+        is_failing = result.failed or not any(sample.successful for sample in result.series.samples)
+        if is_failing and last_words.strip():
+            last = last_words.strip().splitlines()[-FAILURE_LINES:]
+            lines = "\n".join(f"  {visible(line, keep='')}" for line in last)
+            other = STREAM_NAMES[result.run.samples.other_stream]
+            self._screen.talk(f"Last lines of {result.component.name} on {other}:\n{lines}")
+
+
+class LiveSampleReporter(FailureReporter):
+    """Shows how a run ends, and every sample as it happens."""
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Show it now."""
+        self._screen.data(sample_text(component, number, sample))
+        self._screen.flush()
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show what the samples come to."""
+        self._screen.show(_summary_text(result))
+        super().ended(result, last_words)
