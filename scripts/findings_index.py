@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rarms_iac.storage.finding_pages import finding_page, known_codes, severity_line
+from rarms_iac.storage.shipped import finding_page, known_codes, severity_line
 
 _HEAD = """\
 # Findings

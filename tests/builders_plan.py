@@ -40,7 +40,7 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import Totals
-from rarms_iac.storage.mark_digests import set_of_settings
+from rarms_iac.storage.marks import set_of_settings
 from rarms_iac.storage.plan_file import versions
 from tests.builders import a_host, memory
 

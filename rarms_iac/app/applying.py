@@ -41,9 +41,8 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, RobotHost, WaitLimits
-from rarms_iac.storage.plan_file import is_signed
+from rarms_iac.storage.plan_file import is_signed, is_signed_script
 from rarms_iac.storage.reading import STANDARD_INPUT
-from rarms_iac.storage.script_signature import is_signed_script
 
 MANIFEST_CHANGED = Finding.note("RARMS371", "The manifest has changed since the plan was made")
 

@@ -43,8 +43,8 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.problem import LayoutRefused
 from rarms_iac.planner.reservations import RecordedReservations, record
-from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified, versions
+from rarms_iac.storage.shipped import known_codes
 
 _WHOLE_PLAN_CODES = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """Codes of the findings that a plan of the whole manifest can have."""

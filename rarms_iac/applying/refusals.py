@@ -14,7 +14,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostUnreachable
 from rarms_iac.providers.robot import OtherVersion
-from rarms_iac.storage.foreign_values import ForeignValue
+from rarms_iac.storage.marks import ForeignValue
 
 HOST_FAILED = Finding.error("RARMS189", "The host cannot be reached, read or changed")
 

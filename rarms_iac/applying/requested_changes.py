@@ -19,7 +19,7 @@ from rarms_iac.model.shared_findings import NO_TARGET
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import natural_order, suggestion
-from rarms_iac.storage.mark_digests import set_of_settings
+from rarms_iac.storage.marks import set_of_settings
 
 Locator = Callable[[Address], Place | None]
 

@@ -40,7 +40,7 @@ from rarms_iac.providers.interface import (
     StepwiseHost,
     WaitLimits,
 )
-from rarms_iac.storage.foreign_values import ForeignValue, foreign_values
+from rarms_iac.storage.marks import ForeignValue, foreign_values
 
 
 def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN, *, keep: bool = False) -> RunReport:

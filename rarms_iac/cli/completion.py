@@ -101,7 +101,7 @@ def _output_forms() -> tuple[str, ...]:
 
 
 def _codes(field: str) -> tuple[str, ...]:
-    from rarms_iac.storage.finding_pages import known_codes
+    from rarms_iac.storage.shipped import known_codes
 
     return known_codes() if field == "subject" else ()
 

@@ -12,8 +12,8 @@ from rarms_iac.diff.readings import partition_readings, task_readings
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Change, Create, Delete, Release
 from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
 from rarms_iac.model.state import HostFacts, Partition, Responsiveness, StartAction, State, StoppedBy, TaskClass
-from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.mark_digests import set_of_values, was_changed
+from rarms_iac.storage.json_text import digest, short
+from rarms_iac.storage.marks import set_of_values, was_changed
 
 
 class DriftKind(StrEnum):

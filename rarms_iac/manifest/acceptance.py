@@ -9,7 +9,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_ea
 from rarms_iac.model.shared_findings import UNKNOWN_NAME
 from rarms_iac.model.system import Acceptance, Policy, System
 from rarms_iac.model.wording import Suggestions
-from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
+from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
 
 NOT_IN_EFFECT = Finding.warning("RARMS096", "An acceptance has no effect")
 

@@ -17,7 +17,7 @@ from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.plan import InputText
 from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.model.system import System
-from rarms_iac.storage.digest import digest_of_texts
+from rarms_iac.storage.json_text import digest_of_texts
 from rarms_iac.storage.reading import STANDARD_INPUT
 
 DEFAULT_NAME = "rarms.yaml"

@@ -27,7 +27,7 @@ from rarms_iac.model.system import Application, Disruption, System, Unused
 from rarms_iac.model.task_names import is_shipped_task
 from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
-from rarms_iac.storage.mark_digests import set_of_settings, set_of_values
+from rarms_iac.storage.marks import set_of_settings, set_of_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

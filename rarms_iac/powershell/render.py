@@ -54,7 +54,7 @@ from rarms_iac.powershell.templates import (
     module_text,
     template_text,
 )
-from rarms_iac.storage.foreign_values import foreign_values
+from rarms_iac.storage.marks import foreign_values
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)

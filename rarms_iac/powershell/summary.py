@@ -19,7 +19,7 @@ from rarms_iac.model.quantities import show_bytes, show_lp_percent
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.wording import counted, natural_order, remark
 from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
-from rarms_iac.storage.foreign_values import ForeignValue
+from rarms_iac.storage.marks import ForeignValue
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
 _REMOVED_CLASS = "Remove-TaskClass"

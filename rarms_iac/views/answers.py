@@ -21,7 +21,7 @@ from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.diagnostics import Findings
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.comparison import ScriptDifference, TextDifference
-from rarms_iac.storage.finding_pages import FindingPage
+from rarms_iac.storage.shipped import FindingPage
 
 Answer = (
     CandidateGraph

@@ -101,7 +101,7 @@ def findings_as(
         case OutputFormat.JSON:
             return json_of(Findings(findings=tuple(diagnostics), accepted=tuple(accepted)))
         case OutputFormat.SARIF:
-            from rarms_iac.storage.finding_pages import finding_page
+            from rarms_iac.storage.shipped import finding_page
 
             shown, silenced = (in_repository(with_places(each, places)) for each in (diagnostics, accepted))
             return as_sarif(shown, page=finding_page, accepted=silenced)

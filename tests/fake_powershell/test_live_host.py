@@ -25,8 +25,8 @@ from rarms_iac.providers.interface import (
     ScriptExited,
     ScriptLost,
 )
+from rarms_iac.storage.plan_file import is_signed_script
 from rarms_iac.storage.plan_file import signed as sign_plan
-from rarms_iac.storage.script_signature import is_signed_script
 from tests.builders import a_host, codes
 from tests.effort import every_few
 from tests.fake_powershell.cell import apply_script, files_of

@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.text.reading import read_text
-from rarms_iac.storage.digest import digest
+from rarms_iac.storage.json_text import digest
 from rarms_iac.views.finding_forms import OutputFormat
 from tests.effort import LONG, examples
 from tests.files import copy_files

@@ -11,8 +11,7 @@ import rarms_iac
 from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.quantities import Percent, ShareOfHost
-from rarms_iac.storage.finding_pages import finding_page, known_codes, severity_line
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import finding_page, known_codes, severity_line, shipped
 from scripts.findings_index import index_of_pages
 from tests import builders
 

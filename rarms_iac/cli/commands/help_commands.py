@@ -10,8 +10,7 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.completion import completion_script
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
-from rarms_iac.storage.finding_pages import FindingPage, code_of, finding_page, is_code
-from rarms_iac.storage.shipped import shipped_text
+from rarms_iac.storage.shipped import FindingPage, code_of, finding_page, is_code, shipped_text
 from rarms_iac.views.finding_page import page_text, unknown_code
 from rarms_iac.views.json_output import json_of
 

@@ -17,8 +17,7 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
-from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.json_text import canonical
+from rarms_iac.storage.json_text import canonical, digest, short
 
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""

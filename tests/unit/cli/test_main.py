@@ -17,7 +17,7 @@ from rarms_iac.cli import entry
 from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.storage.finding_pages import known_codes
+from rarms_iac.storage.shipped import known_codes
 from rarms_iac.views.terminal import Terminal
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms

@@ -21,8 +21,7 @@ from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, Pr
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Measured
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
-from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.json_text import canonical, parse_json
+from rarms_iac.storage.json_text import canonical, digest, parse_json, short
 from rarms_iac.storage.plan_file import identified, plan_id, write_plan
 from rarms_iac.storage.snapshot_file import SnapshotUnreadable, read_snapshot, write_snapshot
 from scripts.file_schemas import SCHEMAS, plan_schema, snapshot_schema, text_of

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
-from rarms_iac.storage.finding_pages import finding_page
+from rarms_iac.storage.shipped import finding_page
 from rarms_iac.views.console import columns, render
 from rarms_iac.views.finding_page import page_text, unknown_code
 from rarms_iac.views.findings_text import findings_summary, findings_text

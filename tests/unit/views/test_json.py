@@ -4,8 +4,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from rarms_iac.storage.finding_pages import FindingPage
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import FindingPage, shipped
 from rarms_iac.views.json_output import json_of
 from scripts.output_schema import output_schema
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task

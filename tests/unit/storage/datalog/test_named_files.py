@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.datalog import named_files
-from rarms_iac.storage.datalog.digest_cache import LARGE, YOUNG_NS, cache_folder
-from rarms_iac.storage.datalog.named_files import Files
+from rarms_iac.storage.datalog.named_files import LARGE, YOUNG_NS, Files, cache_folder
 from tests.builders_measured import a_subject
 from tests.unit.storage.datalog.test_identity import running
 

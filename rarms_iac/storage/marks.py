@@ -1,7 +1,8 @@
-"""Values that another tool set and that an apply replaced; an undo sets them again.
+"""The digests that marks carry, and the values that another tool set and an apply replaced.
 
 A mark has only the digest of the settings that rarms wrote last. If the manifest's values in place of some settings
-give that digest, other tools changed these settings. The smallest such set counts. Begin at `foreign_values`.
+give that digest, other tools changed these settings. The smallest such set counts; an undo sets them again. Begin at
+`was_changed` and `foreign_values`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -10,8 +11,77 @@ from itertools import combinations
 
 from rarms_iac.model.changes import Address, Change, Update
 from rarms_iac.model.setting_texts import LABELS, setting_text
-from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, StartAction, TaskClass
-from rarms_iac.storage.mark_digests import set_of_values, was_changed
+from rarms_iac.model.state import (
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Responsiveness,
+    StartAction,
+    StoppedBy,
+    TaskClass,
+)
+from rarms_iac.storage.codec import encode
+from rarms_iac.storage.json_text import digest, short
+
+
+def set_of_settings(settings: PartitionSettings) -> str:
+    """12 hex digits of what a partition is to be.
+
+    Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest; nor is
+    secure boot where it is not fixed.
+
+    Args:
+        settings: as rarms writes them to a host; secure boot only where the manifest fixes it.
+
+    Returns:
+        The `set` of a mark: where the host's settings have another one, they were changed with another tool.
+    """
+    by_hand = settings.start_action is StartAction.NOTHING
+    values = encode(replace(settings, running=False) if by_hand else settings)
+    assert isinstance(values, dict), "settings are an object"
+    if settings.secure_boot is None:
+        del values["secure_boot"]
+    return short(digest(values))
+
+
+def was_changed(there: Partition, *, by_hand: bool) -> bool:
+    """Tell whether a marked partition is not as rarms wrote it.
+
+    Args:
+        by_hand: its user starts it, so whether it runs counts for nothing.
+    """
+    assert there.mark is not None
+    is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
+    unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
+    digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
+    return is_started or there.mark.set not in digests
+
+
+def _digest_now(there: Partition, *, by_hand: bool) -> str:
+    """Return the digest of what is there.
+
+    Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
+    """
+    settings = there.settings
+    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NO_USER:
+        settings = replace(settings, running=True)
+        by_hand = by_hand or settings.start_action is StartAction.NOTHING
+    if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
+        return "running"  # no digest: it was written as stopped
+    return set_of_settings(replace(settings, running=False) if by_hand else settings)
+
+
+def set_of_values(values: Mapping[str, RegistryValue]) -> str:
+    """12 hex digits of a task class's values, with their types.
+
+    Args:
+        values: the registry values that rarms wrote, with their types.
+
+    Returns:
+        The `set` of a record.
+    """
+    return short(digest({name: [value.kind.value, value.data] for name, value in values.items()}))
+
 
 _MOST_COMPARED = 8
 """Largest number of different settings whose sets are all compared; of more, all count as changed by others."""
