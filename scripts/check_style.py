@@ -10,7 +10,7 @@ from pathlib import Path
 
 PACKAGE = Path("rarms_iac")
 OPENS_FILES = frozenset(
-    {"app/install_there.py", "storage/reading.py", "storage/disk.py", "storage/lock.py", "storage/shipped.py"}
+    {"app/install_there.py", "storage/reading.py", "storage/disk.py", "storage/writing.py", "storage/shipped.py"}
     | {"providers/cgroups/effects.py", "running/supervisor_process.py", "running/kernel_files.py"}
 )
 """Modules that open files: the reader, the writers, and those that read files of the kernel or run alone."""

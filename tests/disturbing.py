@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 from tests.crashing import CrashingDisk, When
 from tests.fake_powershell import program as powershell
 from tests.unit.cli.running import rarms

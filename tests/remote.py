@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 from tests.fake_powershell import program as powershell
 from tests.fake_powershell.host import WindowsHost
 from tests.needs import CHECKOUT

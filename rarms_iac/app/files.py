@@ -10,7 +10,7 @@ from rarms_iac.model.commands import RecommendedCommand, prose
 from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
-from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
+from rarms_iac.storage.writing import remove_leftovers_of_ended, replace
 
 
 def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:

@@ -23,8 +23,8 @@ from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost, RobotHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.robot import EndedThere
-from rarms_iac.storage.lock import owner
 from rarms_iac.storage.snapshot_file import write_snapshot
+from rarms_iac.storage.writing import owner
 
 NO_CHANNELS: Mapping[str, CommandChannel] = MappingProxyType({})
 

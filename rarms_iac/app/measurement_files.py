@@ -15,8 +15,7 @@ from rarms_iac.model.commands import Prose, Wording, prose
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.disk import MEASUREMENTS, PRIVATE, make_folder_for
-from rarms_iac.storage.lock import Locked, hold, owner
-from rarms_iac.storage.replace import remove_leftovers
+from rarms_iac.storage.writing import Locked, hold, owner, remove_leftovers
 
 LOCKS = "locks"
 CHOICES = "configuration"

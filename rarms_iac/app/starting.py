@@ -6,7 +6,7 @@ from typing import Literal
 
 from rarms_iac.app.hosts import host_errors
 from rarms_iac.app.wiring import start_after_boot
-from rarms_iac.storage.lock import owner
+from rarms_iac.storage.writing import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,8 +18,8 @@ from rarms_iac.providers.channel import CommandChannel, ssh_channel
 from rarms_iac.providers.interface import HostDamaged, HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.running.start import ProcessPlace
-from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.records import Damaged
 
 HOSTS = ".rarms/hosts"
 SIGNED = ".rarms/signed"

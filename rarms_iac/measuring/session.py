@@ -34,7 +34,7 @@ from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
-from rarms_iac.storage.lock import owner
+from rarms_iac.storage.writing import owner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

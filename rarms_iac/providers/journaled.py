@@ -10,12 +10,11 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarte
 from rarms_iac.model.plan_names import wrong_name
 from rarms_iac.model.wording import quoted, reason_of
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
-from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, records_in, sealed_line
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
-from rarms_iac.storage.lock import Locked, hold, read_holder
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
-from rarms_iac.storage.replace import replace
+from rarms_iac.storage.records import Damaged, Record, first_in, last_in, records_in, sealed_line
+from rarms_iac.storage.writing import Locked, append, hold, read_holder, replace
 
 T = TypeVar("T")
 

@@ -42,7 +42,7 @@ from rarms_iac.providers.interface import (
 )
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.json_text import parse_json
-from rarms_iac.storage.lock import owner
+from rarms_iac.storage.writing import owner
 
 LINE_LIMIT = 64 * 2**20
 """Bytes of a request, and of each line of an answer."""
@@ -121,7 +121,7 @@ class Request:
 
     version: str
     command: str
-    by: str  # who asks, as of `storage.lock.owner`
+    by: str  # who asks, as of `storage.writing.owner`
     host: Host  # as the manifest describes it, without `connect`
     listens: bool  # this side hears calls as they are made, and answers questions
     job: Any  # JSON: what the command needs

@@ -37,8 +37,8 @@ from rarms_iac.providers.robot import (
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
-from rarms_iac.storage.lock import act_for
 from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.writing import act_for
 
 SETTINGS_FILE = Path("/etc/rarms/environment")
 """Variables of the robot, `NAME=VALUE` a line: what `from_env` reads there, and the key of plans."""

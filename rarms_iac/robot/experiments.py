@@ -46,8 +46,8 @@ from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.merging import is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS, make_folder_for
-from rarms_iac.storage.lock import Locked, hold, owner
-from rarms_iac.storage.replace import replace as write
+from rarms_iac.storage.writing import Locked, hold, owner
+from rarms_iac.storage.writing import replace as write
 
 WORK = Path("/run/rarms")
 """The folder of this machine that has a folder for each request while it is done."""

@@ -37,7 +37,7 @@ from rarms_iac.providers.hyperv.bootstrap import (
     render_receiver,
 )
 from rarms_iac.storage.codec import decode
-from rarms_iac.storage.lock import Locked, hold
+from rarms_iac.storage.writing import Locked, hold
 from tests.fake_powershell.compiling import compiled
 from tests.fake_powershell.guests import drop_sessions
 from tests.fake_powershell.host import Killed, WindowsHost

@@ -12,7 +12,7 @@ import pytest
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import HypervPartition
 from rarms_iac.powershell.render import script_steps
-from rarms_iac.storage.append import records_in
+from rarms_iac.storage.records import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
 from tests.fake_powershell import cmdlets

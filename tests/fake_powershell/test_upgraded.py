@@ -14,7 +14,7 @@ from rarms_iac.applying.undo import abandon, script_undone, undo
 from rarms_iac.model.journal import RunOrigin
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
-from rarms_iac.storage.append import records_in, sealed_line
+from rarms_iac.storage.records import records_in, sealed_line
 from tests.builders import a_host
 from tests.fake_powershell.cell import apply
 from tests.fake_powershell.cells import everything

@@ -19,8 +19,8 @@ from rarms_iac.model.journal import Closing, Journal, PastRun, history_of
 from rarms_iac.providers.journaled import LocalFiles, journal_in
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.records import Damaged
 from tests.builders import a_host
 from tests.crashing import CrashingDisk
 from tests.effort import LONG
@@ -103,7 +103,7 @@ def test_many_processes_lose_nothing_and_have_one_order(tmp_path: Path) -> None:
 HOLD = """
 import sys, time
 from pathlib import Path
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 with hold(Path(sys.argv[1]), "bob@cell, process 7"):
     print("held", flush=True)
     time.sleep(600)

@@ -18,7 +18,7 @@ from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.robot.experiments import WORK
 from rarms_iac.storage.datalog.files import read_log
-from rarms_iac.storage.lock import read_holder
+from rarms_iac.storage.writing import read_holder
 from tests.contracts.benches import forget_host, groups_of, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.remote import Ended, Remote, a_server, finish

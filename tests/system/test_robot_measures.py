@@ -16,7 +16,7 @@ import pytest
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 from rarms_iac.robot.__main__ import SETTINGS_FILE
 from rarms_iac.storage.datalog.files import read_log
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 from tests.contracts.benches import forget_host, slice_of
 from tests.contracts.test_measuring_contract import JOBS
 from tests.remote import Remote, a_server, descendants

@@ -17,7 +17,7 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session
-from rarms_iac.storage.replace import replace as replace_file
+from rarms_iac.storage.writing import replace as replace_file
 
 NEEDED = ("starlette", "uvicorn")
 

@@ -16,7 +16,7 @@ from rarms_iac.providers.interface import HostDamaged
 from rarms_iac.providers.journaled import LocalFiles
 from rarms_iac.running.kernel_files import kernel_text, whole_number
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import Record
+from rarms_iac.storage.records import Record
 
 LOOK_SECONDS = 0.005
 _WAIT_SECONDS = 10.0

@@ -49,9 +49,9 @@ from rarms_iac.providers.hyperv.observation import (
 )
 from rarms_iac.providers.journaled import split_run
 from rarms_iac.providers.marks import with_marks
-from rarms_iac.storage.append import Damaged, records_in
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union
 from rarms_iac.storage.json_text import parse_json
+from rarms_iac.storage.records import Damaged, records_in
 
 _NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")

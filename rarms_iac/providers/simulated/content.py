@@ -30,8 +30,8 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.providers.marks import erase_mark, write_mark
-from rarms_iac.storage.append import Record, records_in, sealed_line
 from rarms_iac.storage.codec import NotDecodable, decode, encode
+from rarms_iac.storage.records import Record, records_in, sealed_line
 
 T = TypeVar("T")
 

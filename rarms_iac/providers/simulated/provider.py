@@ -53,7 +53,7 @@ from rarms_iac.providers.simulated.refusals import (
     refuse_task_change,
     refuse_without_rights,
 )
-from rarms_iac.storage.replace import remove_leftovers
+from rarms_iac.storage.writing import remove_leftovers
 
 ROBOTS = "hosts"
 """The folder in which each set of overlays, a robot's, has a folder of its own for the states of its hosts."""

@@ -5,11 +5,12 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from rarms_iac.model.names import is_name
-from rarms_iac.storage.append import LogLine, append_lines, iterate_log, log_lines
 from rarms_iac.storage.datalog.decisions import entries_in, runs_in
 from rarms_iac.storage.datalog.files import CONFIGURATION, TUNING, LogUnreadable, log_errors, log_in, log_path
 from rarms_iac.storage.disk import MEASUREMENTS, make_folders
 from rarms_iac.storage.reading import MEBIBYTE
+from rarms_iac.storage.records import LogLine, iterate_log, log_lines
+from rarms_iac.storage.writing import append_lines
 
 MOST_BYTES = 64 * MEBIBYTE
 """What may come from elsewhere at once: one log, or all logs of a robot together."""

@@ -24,7 +24,7 @@ from rarms_iac.storage.datalog.identity import LogSubject
 from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.json_text import canonical, parse_json, short
 from rarms_iac.storage.reading import open_regular, read_file
-from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
+from rarms_iac.storage.writing import remove_leftovers_of_ended, replace
 
 LARGE = 2**20
 """A file of fewer bytes is read quicker than it is looked up."""

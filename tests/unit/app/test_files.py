@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.files import make_folder, write_file
-from rarms_iac.storage.append import append
 from rarms_iac.storage.disk import NotRegular, advice_on, make_folders
-from rarms_iac.storage.replace import replace
+from rarms_iac.storage.writing import append, replace
 from tests.needs import require
 from tests.unit.cli.running import rarms
 from tests.unit.cli.test_status import MANIFEST, MEASURED

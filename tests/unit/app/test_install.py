@@ -18,8 +18,8 @@ from rarms_iac.app.install_wheels import LOCK, RobotPython, Wheel, build_name, p
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import HostFailed, HostLocked, HostRefused
-from rarms_iac.storage.lock import hold
 from rarms_iac.storage.shipped import shipped_module, shipped_text
+from rarms_iac.storage.writing import hold
 from tests.effort import every_few
 from tests.robot_wheels import wheels_of
 

@@ -22,13 +22,13 @@ from rarms_iac.model.indexes import index_named
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.storage.append import LogLine
 from rarms_iac.storage.datalog import files as log_files
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex
 from rarms_iac.storage.datalog.files import append_setting, append_to_log, configuration_path
 from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
+from rarms_iac.storage.records import LogLine
 from rarms_iac.views.reports.page import cards_of, data_of
 from rarms_iac.views.reports.sentences import fit_text
 from rarms_iac.views.reports.tables import levels_table, totals_table

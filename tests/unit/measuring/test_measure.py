@@ -16,7 +16,7 @@ from rarms_iac.model.outcomes import Stopped
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 from tests.builders import a_host, at_most
 from tests.measuring import the_log
 from tests.robots import a_measured, a_robot_of

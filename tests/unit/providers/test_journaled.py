@@ -22,8 +22,8 @@ from rarms_iac.providers.interface import UNHEARD, HostError, HostFailed
 from rarms_iac.providers.journaled import journal_in
 from rarms_iac.providers.marks import erase_mark, read_mark, with_marks, write_mark
 from rarms_iac.providers.robot import LINE_LIMIT, READY, OtherVersion, RobotByChannel, entry_command
-from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable, encode
+from rarms_iac.storage.records import sealed_line
 from tests.builders import a_host, a_mark
 from tests.builders_plan import facts
 from tests.contracts.runs import a_run, a_step

@@ -15,21 +15,29 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import Damaged, Record, append, first_in, iterate_log, last_in, records_in, sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable
 from rarms_iac.storage.disk import NotRegular, make_folder_for
 from rarms_iac.storage.json_text import parse_json
-from rarms_iac.storage.lock import Locked, hold, read_holder, read_owner
 from rarms_iac.storage.reading import TooLarge, read_file, read_input
-from rarms_iac.storage.replace import remove_leftovers, remove_leftovers_of_ended, replace
+from rarms_iac.storage.records import Damaged, Record, first_in, iterate_log, last_in, records_in, sealed_line
 from rarms_iac.storage.shipped import NotShipped, shipped
+from rarms_iac.storage.writing import (
+    Locked,
+    append,
+    hold,
+    read_holder,
+    read_owner,
+    remove_leftovers,
+    remove_leftovers_of_ended,
+    replace,
+)
 from tests.crashing import Crash, CrashingDisk, When
 from tests.needs import require
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 with hold(Path(sys.argv[1]), "ann@lab, process 7, since noon, rarms apply"):
     print("held", flush=True)
     time.sleep(60)

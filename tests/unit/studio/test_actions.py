@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.lock import hold
+from rarms_iac.storage.writing import hold
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
 from tests.crashing import Crash, CrashingDisk
 from tests.fluid import without_scheduler

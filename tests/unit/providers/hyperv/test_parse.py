@@ -25,8 +25,8 @@ from rarms_iac.providers.hyperv.parse import (
     to_state,
 )
 from rarms_iac.providers.measuring import PartitionWork, Work
-from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.records import sealed_line
 from tests.builders import a_component, at_least, at_most
 from tests.recorded_hosts import NAMES, document, read_observation, recorded, recorded_bytes, unread
 

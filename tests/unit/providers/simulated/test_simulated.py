@@ -15,8 +15,8 @@ from rarms_iac.providers.simulated.content import (
     read_content,
     write_content,
 )
-from rarms_iac.storage.append import Damaged, sealed_line
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.records import Damaged, sealed_line
 from tests.builders_plan import settings
 
 SETTINGS = settings("vision \u2603\nrarms")

@@ -9,7 +9,6 @@ import jsonschema
 import pytest
 
 from rarms_iac.model.series import Sample
-from rarms_iac.storage.append import append
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.datalog.decisions import Chosen, append_run, last_chosen, read_entries, read_runs, tuning_path
 from rarms_iac.storage.datalog.files import (
@@ -21,6 +20,7 @@ from rarms_iac.storage.datalog.files import (
     read_log,
 )
 from rarms_iac.storage.datalog.log import LogRecord, Recorded, as_recorded
+from rarms_iac.storage.writing import append
 from scripts.file_schemas import data_log_schema
 from tests.builders_measured import PROVEN, TAKEN, TUNED, a_bench, a_header, a_series, a_setting, a_subject
 from tests.measuring import the_log

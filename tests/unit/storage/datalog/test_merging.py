@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import sealed_line
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.datalog import merging
 from rarms_iac.storage.datalog.decisions import read_entries, read_runs
@@ -16,6 +15,7 @@ from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, appen
 from rarms_iac.storage.datalog.identity import header_digest
 from rarms_iac.storage.datalog.log import Header, Recorded
 from rarms_iac.storage.datalog.merging import is_log, merge_records, new_records
+from rarms_iac.storage.records import sealed_line
 from tests.builders_measured import PROVEN, TAKEN, TUNED, a_header, a_setting
 from tests.crashing import Crash, CrashingDisk, When
 

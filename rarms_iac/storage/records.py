@@ -1,4 +1,4 @@
-"""The second of the two writers: records are added, to journals and to logs.
+"""The records of journals and logs, as lines; `writing` adds them.
 
 A record is one JSON object on one line. Its last two fields, `length` and `checksum`, are over the object's text
 without them and without the line end, so that a carriage return added by git does no harm.
@@ -21,11 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import LOG_LIMIT, TooLarge, open_regular
-from rarms_iac.storage.replace import replace
 
 Record = Mapping[str, Json]
 
@@ -67,52 +65,6 @@ def sealed_line(record: Record) -> bytes:
 
 def _sealed(text: bytes) -> bytes:
     return b'%s,"length":%d,"checksum":"%s"}\n' % (text[:-1], len(text), _checksum(text))
-
-
-def append(path: Path, record: Record) -> None:
-    """Add the record to a journal; it is on the disk when this returns. The folder must exist, the file need not.
-
-    The records that are there are looked at before the first one that a process adds.
-
-    Args:
-        path: the journal; not a link.
-        record: as of `sealed_line`.
-
-    Raises:
-        Damaged: a record that is there is not as it was written; nothing was added.
-        OSError: it cannot be written.
-    """
-    append_lines(path, sealed_line(record))
-
-
-def append_lines(path: Path, lines: bytes, *, in_git: bool = False) -> None:
-    """Add sealed lines; after a crash a first part of them may be there, and the next call adds behind it.
-
-    Args:
-        path: the journal or log; not a link. Its folder must exist.
-        lines: one or more, as `sealed_line` makes them.
-        in_git: whether the file is a log that is kept in git.
-
-    Raises:
-        Damaged: a record that is there is not as it was written; nothing was added.
-        OSError: they cannot be written.
-    """
-    if not os.path.lexists(path):
-        replace(path, lines)
-        return
-    effects = disk.current()
-    disk.check_target(path)
-    if (sound := _sound_size(path, in_git=in_git)) != path.stat().st_size:
-        effects.cut(path, sound)
-    effects.append(path, lines if not in_git or _ends_a_line(path) else b"\n" + lines)
-    effects.flush(path)
-    _known_sound[path.absolute()] = _version_of(path)
-
-
-def _ends_a_line(path: Path) -> bool:
-    with open_regular(path) as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read() == b"\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,14 +123,15 @@ def iterate_log(path: Path) -> Iterator[LogLine]:
         Damaged: a record is not as it was written; those before it came already.
     """
     try:
-        file = _open_log(path)
+        file = open_log(path)
     except FileNotFoundError:
         return
     with file:
         yield from log_lines(file, path)
 
 
-def _open_log(path: Path) -> BinaryIO:
+def open_log(path: Path) -> BinaryIO:
+    """Open a log of at most `LOG_LIMIT` bytes; the caller closes it."""
     file = open_regular(path)
     if os.fstat(file.fileno()).st_size > LOG_LIMIT:
         file.close()
@@ -294,24 +247,12 @@ def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
     return data
 
 
-_Version = tuple[int, int, int, int]
-_known_sound: dict[Path, _Version] = {}
-"""Logs that this process has looked at, or added to, as they were then."""
+def size_of_sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) -> int:
+    """Return the bytes of the lines up to a last one that is torn.
 
-
-def _version_of(path: Path) -> _Version:
-    status = path.stat()
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
-
-
-def _sound_size(path: Path, *, in_git: bool) -> int:
-    if _known_sound.get(path.absolute()) == _version_of(path):
-        return path.stat().st_size
-    with _open_log(path) as file:
-        return _size_of_sound_lines(file, path, in_git=in_git)
-
-
-def _size_of_sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) -> int:
+    Raises:
+        Damaged: a record is not as it was written.
+    """
     sound = read = 0
 
     def count() -> Iterator[bytes]:
