@@ -1,16 +1,16 @@
 """The data of `rarms graph`: the layout as the manifest alone places it, and the candidate graph."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.data_logs import curves_of, logs_of, measured_reservations, put_together
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
@@ -26,44 +26,18 @@ from rarms_iac.statistics.curves import components_not_shown, highest_missed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentNode:
-    """A component in the picture of a layout."""
-
-    name: str
-    criticality: int
-    task: str | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionNode:
-    """A partition in the picture of a layout, with what runs in it."""
-
-    name: str
-    reserve: int  # whole per cent of each of its processors
-    reserved_lp: Fraction
-    memory: int  # bytes
-    components: tuple[ComponentNode, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostNode:
-    """A host in the picture of a layout, with what lies in it."""
-
-    name: str
-    provider: ProviderKind
-    host_lp: int
-    memory: int  # bytes
-    partitions: tuple[PartitionNode, ...]
-    components: tuple[ComponentNode, ...]  # those that run on the host itself
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutGraph:
     """Which component runs in which partition on which host."""
 
     kind: Literal["graph"] = "graph"
     application: str
-    hosts: tuple[HostNode, ...]  # by name
+    system: Internal[System]
+    layout: Layout
+
+    @output
+    def hosts(self) -> Mapping[str, int]:
+        """The LPs of each host, also of those that get nothing, by name."""
+        return {host.name: host.logical_processors for host in by_name(self.system.hosts)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,44 +65,7 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
     planning = plan_layout(manifest.system, reservations, {}, manifest.places, explain=False)
     if not isinstance(planning.answer, Layout):
         raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
-    return graph_of_layout(manifest.system, planning.answer)
-
-
-def graph_of_layout(system: System, layout: Layout) -> LayoutGraph:
-    """Arrange a layout by hosts.
-
-    Returns:
-        All hosts, also those that get nothing.
-    """
-
-    def nodes(names: Iterable[str]) -> tuple[ComponentNode, ...]:
-        components = (system.components[name] for name in names)
-        return tuple(
-            ComponentNode(name=component.name, criticality=component.criticality, task=component.task)
-            for component in components
-        )
-
-    hosts = tuple(
-        HostNode(
-            name=host.name,
-            provider=host.provider,
-            host_lp=host.logical_processors,
-            memory=host.memory,
-            partitions=tuple(
-                PartitionNode(
-                    name=partition.name,
-                    reserve=partition.settings.reserve,
-                    reserved_lp=partition.reserved,
-                    memory=partition.settings.memory,
-                    components=nodes(partition.components),
-                )
-                for partition in layout.on(host.name)
-            ),
-            components=nodes(component for component, on in layout.on_hosts if on == host.name),
-        )
-        for host in by_name(system.hosts)
-    )
-    return LayoutGraph(application=system.application.name, hosts=hosts)
+    return LayoutGraph(application=manifest.system.application.name, system=manifest.system, layout=planning.answer)
 
 
 def candidate_graph(manifest: Manifest, *, predict: bool) -> CandidateGraph:

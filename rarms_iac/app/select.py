@@ -22,8 +22,8 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
-from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System, Threshold
+from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -63,15 +63,6 @@ class SelectedLevel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostHeadroom:
-    """What a host has left, once every partition has its reservation; less than nothing: it does not fit."""
-
-    host: str
-    headroom_lp: Fraction
-    host_lp: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
     """A level that was chosen, and what follows."""
 
@@ -83,7 +74,7 @@ class Selection:
     after: Threshold
     levels: tuple[SelectedLevel, ...]  # by platform
     depends_on_a_log: bool  # else the manifest fixes the reserve
-    headrooms: tuple[HostHeadroom, ...]  # none where there is no layout
+    totals: Mapping[str, HostTotals]  # by host; none where there is no layout
     why_no_headroom: str
     findings: tuple[Diagnostic, ...]
     file: str = ""  # of the manifest, with the level; empty: nothing was written
@@ -328,6 +319,7 @@ def _selection(manifest: Manifest, choice: _Choice) -> Selection:
     logs = () if group is None else tuple(_logs(group, system, reservations))
     _refuse_far(choice, logs)
     planning = plan_layout(system, reservations, states, manifest.places)
+    answer = planning.answer
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and depends_on_a_log(group) and not levels:
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
@@ -347,7 +339,7 @@ def _selection(manifest: Manifest, choice: _Choice) -> Selection:
         after=choice.threshold,
         levels=levels,
         depends_on_a_log=group is not None and depends_on_a_log(group),
-        headrooms=_headrooms(planning, system, states),
+        totals=totals_by_host(system, answer.partitions, states) if isinstance(answer, Layout) else {},
         why_no_headroom=_why_no_layout(planning),
         findings=() if has_errors(planning.findings) else planning.findings,
     )
@@ -408,15 +400,6 @@ def _levels(
             other_loads=tuple(each for each in system.loads_of(names_of(group.members)) if each != log.interference),
         )
     return tuple(levels.values())
-
-
-def _headrooms(planning: Planning, system: System, states: Mapping[str, State]) -> tuple[HostHeadroom, ...]:
-    if not isinstance(planning.answer, Layout):
-        return ()
-    totals = totals_by_host(system, planning.answer.partitions, states)
-    return tuple(
-        HostHeadroom(host=name, headroom_lp=host.free_lp, host_lp=host.host_lp) for name, host in totals.items()
-    )
 
 
 def _why_no_layout(planning: Planning) -> str:

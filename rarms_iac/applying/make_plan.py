@@ -87,10 +87,10 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     present = partitions_present(request, observed)
     for name, desired in hosts.items():
         if name in (request.hosts or observed):
-            planned = _plan_host(request, desired, present)
-            host_plans.append(planned.host_plan)
-            addresses += planned.addresses
-            findings += planned.findings
+            host_plan, of_host, found = _plan_host(request, desired, present)
+            host_plans.append(host_plan)
+            addresses += of_host
+            findings += found
     findings += unknown_targets([*addresses, *sorted(request.gone)], request.targets)
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
     distinct = in_order(tuple(dict.fromkeys(findings)))
@@ -198,16 +198,10 @@ def _without_notes(state: State, request: PlanRequest) -> State:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _PlannedHost:
-    """The plan of one host, the addresses of all that is there or wanted, and what there is to say of both."""
-
-    host_plan: HostPlan
-    addresses: tuple[str, ...]
-    findings: tuple[Diagnostic, ...]
-
-
-def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> _PlannedHost:
+def _plan_host(
+    request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]
+) -> tuple[HostPlan, tuple[str, ...], tuple[Diagnostic, ...]]:
+    """Return the plan of one host, the addresses of all that is there or wanted, and the findings about both."""
     rules, context = rules_of(request, desired), context_of(request, desired)
     difference = _difference(request, desired, context, rules)
     budget = budget_of(request, desired, context, present)
@@ -217,11 +211,8 @@ def _plan_host(request: PlanRequest, desired: Desired, present: Mapping[str, fro
     guests = _guest_tasks(request, desired, rules)
     host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None)
     reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
-    return _PlannedHost(
-        host_plan=host_plan,
-        addresses=_addresses(request, desired, (*difference.changes, *guests)),
-        findings=(*difference.findings, *stuck, *reviewed),
-    )
+    addresses = _addresses(request, desired, (*difference.changes, *guests))
+    return host_plan, addresses, (*difference.findings, *stuck, *reviewed)
 
 
 def _addresses(request: PlanRequest, desired: Desired, changes: Sequence[Change | GuestTask]) -> tuple[str, ...]:

@@ -66,7 +66,7 @@ def answer_levels(source: ManifestSource, body: LevelsBody) -> LevelsAnswer:
             raise RequestError(f"The manifest ({names}) has changed since this difference was shown: look at it again.")
         write_levels(proposal)
     last = proposal.selections[-1]  # says the headroom, which is the same for all
-    selections = (*(replace(each, headrooms=(), why_no_headroom="") for each in proposal.selections[:-1]), last)
+    selections = (*(replace(each, totals={}, why_no_headroom="") for each in proposal.selections[:-1]), last)
     differences = (diff_text(edit.before, edit.after, edit.file, "as it is to be") for edit in proposal.edits)
     return LevelsAnswer(
         text="".join(render(selection_text(selection), UNLIMITED) for selection in selections),

@@ -3,40 +3,40 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 
-from rarms_iac.app.graph import CandidateGraph, ComponentNode, HostNode, LayoutGraph, PartitionNode
+from rarms_iac.app.graph import CandidateGraph, LayoutGraph
+from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
+from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.planner.problem import by_name
 
 
 def graph_text(graph: LayoutGraph) -> str:
     """Draw the hosts with what lies in them as a Mermaid flowchart, ending with a line end."""
+    return _flowchart(graph.application, _layout_lines(graph.system, graph.layout))
+
+
+def _layout_lines(system: System, layout: Layout) -> Iterator[str]:
     numbers = count()
-    lines = (line for host in graph.hosts for line in _lines(host, numbers, "  "))
-    return _flowchart(graph.application, lines)
 
+    def node(*label: str) -> str:
+        return f'n{next(numbers)}["{mermaid_quoted(*label)}"]'
 
-def _lines(node: HostNode | PartitionNode | ComponentNode, numbers: Iterator[int], indent: str) -> Iterator[str]:
-    drawn = f'n{next(numbers)}["{mermaid_quoted(*_label(node))}"]'
-    if isinstance(node, ComponentNode):
-        yield f"{indent}{drawn}"
-        return
-    yield f"{indent}subgraph {drawn}"
-    members: tuple[PartitionNode | ComponentNode, ...] = node.components
-    for member in (*node.partitions, *members) if isinstance(node, HostNode) else members:
-        yield from _lines(member, numbers, indent + "  ")
-    yield f"{indent}end"
+    def component(name: str) -> str:
+        drawn = system.components[name]
+        return node(name, f"criticality {drawn.criticality}", *((f"task {drawn.task}",) if drawn.task else ()))
 
-
-def _label(node: HostNode | PartitionNode | ComponentNode) -> tuple[str, ...]:
-    match node:
-        case HostNode():
-            size = f"{show_processors(node.host_lp)}, {show_bytes(node.memory)}"
-            return node.name, f"{node.provider.value}, {size}"
-        case PartitionNode():
-            reserve = f"{show_processors(node.reserved_lp)} reserved ({show_percent(node.reserve)} of each of its VPs)"
-            return node.name, reserve, show_bytes(node.memory)
-        case ComponentNode():
-            return node.name, f"criticality {node.criticality}", *((f"task {node.task}",) if node.task else ())
+    for host in by_name(system.hosts):
+        size = f"{show_processors(host.logical_processors)}, {show_bytes(host.memory)}"
+        yield f"  subgraph {node(host.name, f'{host.provider.value}, {size}')}"
+        for partition in layout.on(host.name):
+            share = f"{show_percent(partition.settings.reserve)} of each of its VPs"
+            reserve = f"{show_processors(partition.reserved)} reserved ({share})"
+            yield f"    subgraph {node(partition.name, reserve, show_bytes(partition.settings.memory))}"
+            yield from (f"      {component(name)}" for name in partition.components)
+            yield "    end"
+        yield from (f"    {component(name)}" for name, on in layout.on_hosts if on == host.name)
+        yield "  end"
 
 
 def _flowchart(title: str, lines: Iterable[str]) -> str:

@@ -35,8 +35,7 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
             yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find that less is enough")
     if not selection.depends_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
-    for headroom in selection.headrooms:
-        whole = show_processors(headroom.host_lp)
-        yield f"headroom of {headroom.host}: {show_processors(headroom.headroom_lp)} of {whole}"
+    for host, totals in selection.totals.items():
+        yield f"headroom of {host}: {show_processors(totals.free_lp)} of {show_processors(totals.host_lp)}"
     if selection.why_no_headroom:
         yield f"the headroom is not known: {selection.why_no_headroom}"

@@ -139,7 +139,9 @@ def test_programs_read_the_same(here: Path) -> None:
     )
     assert document["file"]
     assert document["levels"][0]["reserve"] == 61
-    assert document["headrooms"] == [{"host": "onboard", "headroom_lp": 0.78, "host_lp": 2}]
+    assert {name: (each["free_lp"], each["host_lp"]) for name, each in document["totals"].items()} == {
+        "onboard": (0.78, 2)
+    }
 
 
 def test_overlay_that_says_level_is_what_is_changed(here: Path) -> None:

@@ -71,7 +71,7 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     free = {host["name"]: host["free_lp"] for host in status["hosts"]}
     assert sum(reserved.values()) > 0
     assert {host["name"]: host["reserved_lp"] for host in status["hosts"]} == pytest.approx(reserved)
-    assert {host["host"]: host["headroom_lp"] for host in selected["headrooms"]} == pytest.approx(free)
+    assert {name: host["free_lp"] for name, host in selected["totals"].items()} == pytest.approx(free)
     for capacity in report["capacities"]:
         assert capacity["reserved_lp"] == pytest.approx(sum(reserved[name] for name in capacity["hosts"]))
         assert capacity["headroom_lp"] == pytest.approx(sum(free[name] for name in capacity["hosts"]))
@@ -80,7 +80,7 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     assert {float(figure) for figure in told} <= {round(amount, 2) for amount in free.values()}
     wholes = [set(re.findall(r"[\d.]+ LP of ([\d.]+) LP", " ".join(output.split()))) for output in shown]
     sizes = {capacity["processors"] for capacity in report["capacities"]}
-    sizes |= {host["host_lp"] for host in selected["headrooms"]}
+    sizes |= {host["host_lp"] for host in selected["totals"].values()}
     assert set().union(*wholes) <= set(map(str, sizes)), "all LPs of a host, or of a platform's hosts"
     assert sum(map(bool, wholes)) >= 5
     planned = re.findall(r"(\w+): ([\d.]+) LP of [\d.]+ LP reserved", measured.out)

@@ -7,7 +7,7 @@ from rich.console import Console
 from rarms_iac.app.applying import UndoPreview
 from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.drift import DriftReport
-from rarms_iac.app.graph import graph_of_layout
+from rarms_iac.app.graph import LayoutGraph
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport
@@ -233,7 +233,7 @@ def a_layout() -> Layout:
 
 
 def test_a_graph_nests_hosts_partitions_and_components() -> None:
-    graph = graph_of_layout(the_delivery_robot(), a_layout())
+    graph = LayoutGraph(application="robot", system=the_delivery_robot(), layout=a_layout())
 
     mermaid = graph_text(graph)
 
