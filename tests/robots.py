@@ -17,10 +17,10 @@ from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured, explained, without_log
 from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.planner.reservations import MeasuredReservations, names_of
 from rarms_iac.planner.totals import planned_totals
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, explained, without_log
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
 from tests.files import copy_files

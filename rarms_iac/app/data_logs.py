@@ -27,9 +27,9 @@ from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured, explained
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, explained
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of

@@ -19,9 +19,9 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.measured_together import MeasuredTogether, Names
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
+from rarms_iac.planner.verdicts import MeasuredTogether, Names
 from rarms_iac.storage.datalog.decisions import (
     Chosen,
     TuningRun,

@@ -23,9 +23,9 @@ from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.causes import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
-from rarms_iac.planner.measured_together import NotMeasured
 from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource, depends_on_a_log, fixed, names_of
+from rarms_iac.planner.verdicts import NotMeasured
 
 NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured yet")
 

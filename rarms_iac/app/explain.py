@@ -37,11 +37,11 @@ from rarms_iac.model.system import AtMost, Component, Disruption, Measured, Syst
 from rarms_iac.model.wording import counted, in_a_row, natural_order, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
+from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured
 from rarms_iac.statistics.curves import Curve, highest_missed, holds
 from rarms_iac.statistics.error_probability import describe_extreme
 from rarms_iac.storage.shipped import known_codes

@@ -18,10 +18,10 @@ from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_me
 from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.groups import may_share
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.measured_together import NotMeasured
-from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
+from rarms_iac.planner.prediction import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
+from rarms_iac.planner.verdicts import NotMeasured
 from rarms_iac.statistics.curves import components_not_shown, highest_missed
 
 

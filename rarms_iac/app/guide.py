@@ -18,10 +18,10 @@ from rarms_iac.model.run import Command
 from rarms_iac.model.system import Component, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
+from rarms_iac.planner.verdicts import MeasuredTogether
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

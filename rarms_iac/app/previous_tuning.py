@@ -7,7 +7,7 @@ from rarms_iac.app.decision_logs import outdated_compounds
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.commands import command
 from rarms_iac.model.host import Host
-from rarms_iac.planner.measured_together import Names
+from rarms_iac.planner.verdicts import Names
 from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun, read_runs, tuning_path
 from rarms_iac.storage.datalog.files import LogUnreadable
 

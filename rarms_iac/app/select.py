@@ -27,12 +27,11 @@ from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.measured_together import MeasuredTogether, NotMeasured
 from rarms_iac.planner.planning_findings import NOT_MET
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
-from rarms_iac.planner.verdicts import least_of
+from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured, least_of
 from rarms_iac.statistics.curves import Curve, Point, holds
 
 

@@ -31,7 +31,7 @@ from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_on, least_cost
-from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
+from rarms_iac.planner.prediction import Predict, alone_in, predictor_of, unpredicted
 from rarms_iac.planner.problem import Problem, problem_of, solve, system_around
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed

@@ -11,8 +11,16 @@ from rarms_iac.model.layout import LookedUp, RecordedAnswer
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, System
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, Names, NotMeasured, without_log
-from rarms_iac.planner.verdicts import Decision, decide, why_unknown
+from rarms_iac.planner.verdicts import (
+    Decision,
+    LogOfLoad,
+    MeasuredTogether,
+    Names,
+    NotMeasured,
+    decide,
+    why_unknown,
+    without_log,
+)
 
 
 class ReservationSource(Protocol):

@@ -22,8 +22,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.planner.measured_together import MeasuredTogether
-from rarms_iac.planner.verdicts import decide
+from rarms_iac.planner.verdicts import MeasuredTogether, decide
 from rarms_iac.statistics.curves import curve_of, least_reserve
 from rarms_iac.views.reports.html import as_html
 from tests.browser import ask, chromium, looks, messages, whole_page

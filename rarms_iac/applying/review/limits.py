@@ -9,7 +9,7 @@ from rarms_iac.model.quantities import show_amount
 from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.headroom import OPEN, limit_in_manifest
+from rarms_iac.planner.sizes import OPEN, limit_in_manifest
 
 NO_EFFECT = Finding.note("RARMS401", "A limit has no effect")
 

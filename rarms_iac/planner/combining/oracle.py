@@ -8,8 +8,8 @@ from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import Host
 from rarms_iac.model.processor_number import together
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.reservations import MeasuredReservations, ReservationSource, names_of
+from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import highest_missed
 
 Members = tuple[str, ...]

@@ -19,7 +19,7 @@ from rarms_iac.planner.combining.candidates import (
 from rarms_iac.planner.combining.layouts import LayoutChoice, Objective, best_layout, cois_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry, Sharing, ordered
-from rarms_iac.planner.prediction.members import Predict, unpredicted
+from rarms_iac.planner.prediction import Predict, unpredicted
 
 BELOW = 2
 """Points below a prediction at which the first question is asked: the prediction is rounded up, and a miss there rules

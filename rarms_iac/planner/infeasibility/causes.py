@@ -12,17 +12,20 @@ from rarms_iac.model.layout import Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.wording import list_names, natural_order, number, quoted
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_FOR_MOVES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.infeasibility.conflict import (
+    NODES_FOR_CHANGES,
+    NODES_FOR_MOVES,
+    NODES_OF_A_SEARCH,
     Conflict,
     Lack,
+    SearchBudget,
     conflict_budget,
     conflicts,
     conflicts_by_sums,
+    describe_rounding,
     evident_conflicts,
 )
 from rarms_iac.planner.infeasibility.edits import Variant, VariantPlanner
-from rarms_iac.planner.infeasibility.rounding import describe_rounding
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory

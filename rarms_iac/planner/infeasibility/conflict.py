@@ -1,15 +1,80 @@
-"""A smallest set of partitions that cannot share the hosts that they may run on, found by leaving others out."""
+"""A smallest set of partitions that cannot share the hosts that they may run on, found by leaving others out.
+
+The search is limited in solver nodes: a limit in seconds would give other answers on other computers. A conflict may be
+there only because reserves are rounded up to whole per cent of each virtual processor (`describe_rounding`).
+"""
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import accumulate
 
-from rarms_iac.model.wording import natural_order
-from rarms_iac.planner.infeasibility.budget import NODES_FOR_A_CONFLICT, SearchBudget
+from rarms_iac.model.claims import Claim
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
+from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
-from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, least_cost, least_memory
+from rarms_iac.planner.problem import Problem
+from rarms_iac.planner.reservations import depends_on_a_log
+from rarms_iac.planner.sizes import wanted_reserve
+from rarms_iac.planner.verdicts import NotMeasured
+
+NODES_FOR_A_CONFLICT = 50
+"""Solver nodes of the search for a smallest conflict."""
+
+NODES_FOR_MOVES = 50
+"""Solver nodes of the search for the fewest partitions that have to move."""
+
+NODES_FOR_CHANGES = 100
+"""Solver nodes of the search for changes of the manifest, of all kinds together."""
+
+NODES_OF_A_SEARCH = NODES_FOR_A_CONFLICT + NODES_FOR_MOVES + NODES_FOR_CHANGES
+
+ITERATIONS_OF_A_NODE = 100
+"""Iterations of the simplex method that count as one node."""
+
+PAIRS_OF_A_NODE = 2_000
+"""Pairs of a partition and a host in first fit that count as one node."""
+
+FEWEST_PAIRS = 500
+"""Each run of first fit counts as at least this number of pairs."""
+
+
+@dataclass(slots=True)
+class SearchBudget:
+    """The remaining nodes of a search, and the parts of it that reached the limit."""
+
+    nodes: Nodes
+    unfinished: dict[str, None] = field(default_factory=dict)  # in order
+    _pairs: int = 0  # of first fit, less than one node
+
+    @classmethod
+    def of(cls, nodes: int) -> "SearchBudget":
+        """Return a new budget.
+
+        Args:
+            nodes: The number of the solver's nodes that it allows.
+        """
+        return cls(Nodes(nodes, ITERATIONS_OF_A_NODE))
+
+    def takes(self, part: str, pairs: int) -> bool:
+        """Count a run of first fit, if nodes remain.
+
+        Args:
+            pairs: The number of pairs of a partition and a host that it may be on.
+
+        Returns:
+            Whether first fit may run; if not, the part counts as unfinished.
+        """
+        if self.nodes.remaining <= 0:
+            self.unfinished[part] = None
+            return False
+        spent, self._pairs = divmod(self._pairs + max(FEWEST_PAIRS, pairs), PAIRS_OF_A_NODE)
+        self.nodes.remaining -= spent
+        return True
+
 
 _SMALLER_CONFLICT = "a smaller set of partitions that conflict"
 
@@ -161,3 +226,72 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
     return Conflict(
         items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest, lacking=Lack.PLACEMENT
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rounded:
+    """A fixed reserve that a host rounds up, and the largest one below it that it does not."""
+
+    wanted: LogicalProcessors
+    processors: int  # virtual ones
+    given: LogicalProcessors
+    below: LogicalProcessors
+
+
+def describe_rounding(conflict: Conflict, problem: Problem) -> str:
+    """Say which reserves are rounded up, if the whole per cent below would fit, or the sum would without rounding.
+
+    Returns:
+        Sentences that begin with a space; empty where rounding does not decide.
+    """
+    rounded = {item.name: found for item in problem.items if (found := dict(_rounded(item.name, problem)))}
+    names = [item.name for item in conflict.items if item.name in rounded]
+    for lowered in (names, list(rounded)):
+        items = [_lowered(item, rounded[item.name]) if item.name in lowered else item for item in problem.items]
+        if lowered and can_pack(items, problem.bins, by_first_fit=True):
+            found = {name: next(iter(rounded[name].values())) for name in sorted(lowered, key=natural_order)}
+            return f"{_rounding(found.values())} {_fitting(found)}"
+    first = [next(iter(rounded[name].values())) for name in names]
+    surplus = sum(100 * (each.given - each.wanted) for each in first)
+    needed, free = sum(map(least_cost, conflict.items)), free_on(conflict.bins).percent
+    decides = conflict.lacking is Lack.PROCESSORS and needed - surplus <= free < needed
+    return _rounding(first) if decides else ""
+
+
+def _rounded(name: str, problem: Problem) -> Iterator[tuple[str, _Rounded]]:
+    group = next(group for group in problem.groups if group.name == name)
+    if depends_on_a_log(group):
+        return  # less was not shown to be enough
+    for host, partition in problem.sizes[name].items():
+        wanted = wanted_reserve(group, problem.system.hosts[host], problem.reservations)
+        settings = partition.settings
+        if isinstance(wanted, NotMeasured) or settings.reserve < 2:  # below 1 % is nothing
+            continue
+        given = guaranteed(settings.reserve, settings.processors)
+        if wanted < given:
+            below = guaranteed(settings.reserve - 1, settings.processors)
+            yield host, _Rounded(wanted=wanted, processors=settings.processors, given=given, below=below)
+
+
+def _lowered(item: Item, rounded: Mapping[str, _Rounded]) -> Item:
+    claims: dict[str, Claim] = {
+        host: replace(claim, reserve=claim.reserve - 1) if host in rounded else claim
+        for host, claim in item.claims.items()
+    }
+    return replace(item, claims=claims)
+
+
+def _rounding(rounded: Iterable[_Rounded]) -> str:
+    ups = dict.fromkeys(
+        f"{show_processors(each.wanted)} on {counted(each.processors, 'VP')} is rounded up to "
+        f"{show_processors(each.given)}"
+        for each in rounded
+    )
+    return f" A host gives whole per cent of each VP: {in_a_row([*ups])}."
+
+
+def _fitting(rounded: Mapping[str, _Rounded]) -> str:
+    amounts = {name: show_processors(each.below) for name, each in rounded.items()}
+    if len(amounts) > 1 and len({*amounts.values()}) == 1:
+        return f"With {next(iter(amounts.values()))} each, {in_a_row([*amounts])} fit."
+    return f"With {in_a_row([f'{amount} for {name}' for name, amount in amounts.items()])}, everything fits."

@@ -9,7 +9,7 @@ from typing import Any
 from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.planner.infeasibility.budget import SearchBudget
+from rarms_iac.planner.infeasibility.conflict import SearchBudget
 from rarms_iac.planner.problem import first_fit_finds_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
 

@@ -31,10 +31,10 @@ from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant
-from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.packing.values import free_in
 from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
+from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import holds, tightest_threshold
 
 MORE_PROCESSORS = 8

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import Effort, decide_fit
 from rarms_iac.model.claims import Claim
-from rarms_iac.planner.packing.assignment import Assignment
+from rarms_iac.planner.packing.assignment import Assignment, find_by_repacking
 from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit, exceeds_capacity, lower_bound
 from rarms_iac.planner.packing.highs import Nodes, is_installed, minimise
-from rarms_iac.planner.packing.repair import find_by_repacking
 from rarms_iac.planner.packing.values import (
     Bin,
     Item,

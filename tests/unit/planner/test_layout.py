@@ -12,11 +12,11 @@ from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import Component, CpuRequest, Disruption, Policy, RunsOn, System, Threshold
 from rarms_iac.planner import problem as searched
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.measured_together import MeasuredTogether
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.problem import problem_of, solve
 from rarms_iac.planner.reservations import FixedReservations, MeasuredReservations
+from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import curve_of
 from tests.builders import (
     PathPlaces,

@@ -12,10 +12,9 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.system import Component, PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.measured_together import LogOfLoad, MeasuredTogether, NotMeasured, explained
 from rarms_iac.planner.planning_findings import NOT_VERIFIED, STALE, UNMEASURED
 from rarms_iac.planner.reservations import MeasuredReservations
-from rarms_iac.planner.verdicts import decide, why_unknown
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, decide, explained, why_unknown
 from rarms_iac.statistics.curves import Curve, curve_of
 from tests import builders_measured
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most

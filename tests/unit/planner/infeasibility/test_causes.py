@@ -9,7 +9,7 @@ from rarms_iac.model.layout import Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility import causes
-from rarms_iac.planner.infeasibility.budget import NODES_FOR_CHANGES, NODES_OF_A_SEARCH, SearchBudget
+from rarms_iac.planner.infeasibility.conflict import NODES_FOR_CHANGES, NODES_OF_A_SEARCH, SearchBudget
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.totals import planned_totals

@@ -13,10 +13,9 @@ from rarms_iac.model.capacity import Capacity, decide_packing, fits
 from rarms_iac.model.claims import Claim, CoreSharing
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
-from rarms_iac.planner.packing.assignment import Assignment
+from rarms_iac.planner.packing.assignment import Assignment, find_by_repacking
 from rarms_iac.planner.packing.highs import Nodes, minimise
 from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.repair import find_by_repacking
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
 
 Value = tuple[int, int, tuple[str, ...]]

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.run import Periodic
-from rarms_iac.planner.prediction.members import Alone, alone_of, predictor_of, waits_and_work
-from rarms_iac.planner.prediction.periodic import Task, least_budget
+from rarms_iac.planner.prediction import Alone, Task, alone_of, least_budget, predictor_of, waits_and_work
 from tests.builders import a_component, a_run, at_most, milliseconds
 
 CAMERA = Alone(task=Task(work=1_770, period=10_000, deadline=6_000), processors=1)

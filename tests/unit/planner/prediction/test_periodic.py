@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, lcm
 
-from rarms_iac.planner.prediction.periodic import Resource, Task, demanded, least_budget, meets_by_deadline, supplied
+from rarms_iac.planner.prediction import Resource, Task, demanded, least_budget, meets_by_deadline, supplied
 from tests.effort import examples
 
 SETS = 200  # random sets a policy; 10,000 in the long run
