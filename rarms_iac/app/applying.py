@@ -34,7 +34,7 @@ from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.commands import APPLY, PLAN, PLAN_OUT, UNDO, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted, run_to_undo
+from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import in_a_row
@@ -325,7 +325,7 @@ def combine_reports(reports: Sequence[RunReport]) -> RunReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastApply:
-    """A host, and the last run there, as of `run_to_undo`; None where there was none."""
+    """A host, and the last run there; None where there was none."""
 
     host: LiveHost
     journal: Journal | ScriptRun | None
@@ -370,7 +370,7 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
         for host in opened:
             if isinstance(host, RobotHost):
                 host.look_once()  # it takes back nothing but the apply that was seen
-        all_hosts = tuple(LastApply(host=host, journal=run_to_undo(host.journal())) for host in opened)
+        all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
         states = {last.host.name: last.host.observe() for last in all_hosts if last.journal is None}
     missing = {name: marked for name, state in states.items() if (marked := marked_resources(state))}
     if missing:

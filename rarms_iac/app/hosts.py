@@ -1,6 +1,6 @@
 """The hosts that a command is about: chosen, manifest, and looked at, live or in a snapshot."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
@@ -270,7 +270,7 @@ def record_host(host: LiveHost) -> bytes:
         return host.recorded()
 
 
-def refuse_unfinished(hosts: Hosts, *, unless: Callable[[Journal | ScriptRun], bool] = lambda _run: False) -> None:
+def refuse_unfinished(hosts: Hosts) -> None:
     """Refuse hosts with an unfinished run: a plan that is made now could never be applied.
 
     Raises:
@@ -280,8 +280,6 @@ def refuse_unfinished(hosts: Hosts, *, unless: Callable[[Journal | ScriptRun], b
         if name in hosts.chosen and snapshot.unfinished is not None:
             raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, snapshot.unfinished)])
     for name, journal in unfinished_runs(hosts):
-        if unless(journal):
-            continue
         raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, journal)])
 
 

@@ -12,16 +12,7 @@ from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, combined_re
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import (
-    Closing,
-    Journal,
-    RunKind,
-    RunOrigin,
-    RunStarted,
-    ScriptRun,
-    history_of,
-    part_of_measurement,
-)
+from rarms_iac.model.journal import Closing, Journal, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.powershell.render import script_name
 from rarms_iac.providers.interface import HostError, LiveHost, RobotHost, ScriptedHost, StepwiseHost
@@ -178,9 +169,5 @@ def _begin_or_resume(
         steps=host_plan.steps,
         serials=raised_serials(host.observe().serials, plan.application),
     )
-    run = Journal(started=started)
-    if isinstance(last_run, Journal) and part_of_measurement(run):
-        own = last_run.started.before_measurement if part_of_measurement(last_run) else last_run
-        run = replace(run, started=replace(started, before_measurement=own))
-    host.start_run(run.started)
-    return run
+    host.start_run(started)
+    return Journal(started=started)

@@ -23,7 +23,6 @@ from rarms_iac.model.journal import (
     ScriptRun,
     StepStatus,
     history_of,
-    run_to_undo,
 )
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
@@ -53,8 +52,7 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
     try:
         match host:
             case RobotHost():
-                last = host.journal()
-                journal = run_to_undo(last)
+                journal = host.journal()
                 if journal is None or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
                 asked = UndoJob(plan=journal.started.plan, waits=control.waits, keep=keep)
@@ -90,9 +88,8 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(host: StepwiseHost, origin: RunOrigin, control: RunControl, *, keep: bool) -> RunReport:
-    last = host.journal()
-    journal = run_to_undo(last)
-    if last is None or not isinstance(journal, Journal) or not can_be_undone(journal):
+    journal = host.journal()
+    if journal is None or not can_be_undone(journal):
         return _nothing_to_undo(host, journal)
     spared = repaired_addresses(journal) if keep else frozenset()
     if spared and not steps_undone(journal, spared):
@@ -104,7 +101,7 @@ def _walk_back(host: StepwiseHost, origin: RunOrigin, control: RunControl, *, ke
         return RunReport(ending=RunEnding.REFUSED, findings=(other,))
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, control)
-    started = undo_run(journal, origin, last, spared)
+    started = undo_run(journal, origin, spared)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), control)
     return replace(report, findings=(*report.findings, *undo_findings(host, journal, spared)))
@@ -266,13 +263,10 @@ def _resource_of(step: Step) -> Address:
     return replace(step.address, disk="")
 
 
-def undo_run(
-    journal: Journal, origin: RunOrigin, last: Journal, spared: frozenset[Address] = frozenset()
-) -> RunStarted:
+def undo_run(journal: Journal, origin: RunOrigin, spared: frozenset[Address] = frozenset()) -> RunStarted:
     """Return the run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
 
     Args:
-        last: the last run on the host.
         spared: what is left as it was applied.
     """
     started = journal.started
@@ -286,8 +280,8 @@ def undo_run(
         started_by=origin.by,
         started_at=origin.at,
         rarms=__version__,
-        history=history_of(last),
-        serials=raised_serials(last.started.serials, started.application),
+        history=history_of(journal),
+        serials=raised_serials(started.serials, started.application),
     )
 
 

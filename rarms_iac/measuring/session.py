@@ -1,38 +1,41 @@
 """A session of measuring: the hosts that one command holds, and the partitions that it stops and starts there.
 
-Partitions of the application are stopped and started by plans like any other, under the lock of the measurement. Their
-marks say that a measurement stopped them, so that after a kill the next `measure`, `start` or `apply` starts them.
+A partition's mark says that a measurement stopped it before it is stopped, and until it runs again. So after a kill at
+any moment the next `measure`, `start` or `apply` starts it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
-from rarms_iac.app.control import UNATTENDED, Control, Reporter
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts, host_errors, refuse_unfinished, run_origin
 from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding
+from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.findings import OCCUPIED, UNABLE
-from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.partitions import MEASURING, remove_test_partitions
+from rarms_iac.model.capacity import capacity_of, fits
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.host import SimulatedHost
-from rarms_iac.model.journal import part_of_measurement
+from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.plan import Purpose
+from rarms_iac.model.operations import StartPartition, StopPartition, WriteMark
+from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row, natural_order
-from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.providers.measuring import MeasuringHost, ScriptedMeasuringHost, StepwiseMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
 from rarms_iac.storage.writing import owner
 
@@ -82,14 +85,13 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
         UseCaseError: A host is held by another run, or has an unfinished run (refused); or what a `HostError` inside
             the context becomes.
     """
-    refuse_unfinished(session.hosts, unless=lambda run: bool(part_of_measurement(run)))
+    refuse_unfinished(session.hosts)
     held: dict[str, MeasuringHost] = {}
     with host_errors(), ExitStack() as locks:
         for name in sorted(set(names)):
             host = session.hosts.open_to_measure(name)
             assert host is not None, "only hosts that can be measured on are chosen"
             locks.enter_context(host.lock(owner(), session.lock_timeout_ms))
-            finish_stop_or_start(host, session.control.reporter)
             if removed := remove_test_partitions(host):
                 session.control.reporter.message(f"{name}: {' and '.join(removed)}. Earlier results are kept and used.")
             held[name] = host
@@ -206,16 +208,26 @@ def _start_all(session: MeasuringSession) -> list[Diagnostic]:
 
 
 def stop_to_measure(hosts: Hosts, host: MeasuringHost, names: tuple[str, ...]) -> None:
-    """Stop partitions of the application by a plan, and mark them as stopped by a measurement.
+    """Stop partitions of the application, the least critical first, and mark them as stopped by a measurement.
 
     Raises:
         UseCaseError: They cannot be stopped (refused or failed).
     """
-    _run(hosts, host, Purpose.STOP, names)
+    if isinstance(host, ScriptedMeasuringHost):
+        _run_script(hosts, host, Purpose.STOP, names)
+        return
+    with host_errors():
+        for partition in _by_criticality(hosts, host.observe(), names):
+            _set_mark(host, partition, StoppedBy.MEASUREMENT)
+            entry = hosts.system.partitions.get(partition.shown_name)
+            graces = {} if entry is None else {partition.shown_name: entry.stop.grace}
+            grace = grace_ms(graces, partition.shown_name) if partition.can_be_asked else 0
+            stop = StopPartition(partition=partition.shown_name, grace_ms=grace, machine=partition.id)
+            host.execute(stop, _scope(partition))
 
 
 def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
-    """Start the partitions of the application that a measurement stopped on this host.
+    """Start the partitions of the application that a measurement stopped on this host, the most critical first.
 
     Returns:
         Their names, sorted; none where none is stopped.
@@ -223,17 +235,69 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
     Raises:
         UseCaseError: They cannot be started; its first finding says so, the others why.
     """
-    names = stopped_by_measurement(host.observe(), hosts.system.application.name)
-    if names:
-        try:
-            _run(hosts, host, Purpose.START, names)
-        except UseCaseError as error:
-            template = "On {host} these were stopped to measure, and could not be started: {_names}."
-            advice = prose("Mend what keeps them from it, then start them: ", command("start", *names), ".")
-            listed = ", ".join(names)
-            finding = findings.STILL_STOPPED.of_host(host.name, template, advice, partitions=names, _names=listed)
-            raise UseCaseError(error.outcome, (finding, *error.findings)) from None
+    state = host.observe()
+    names = stopped_by_measurement(state, hosts.system.application.name)
+    stopped = _by_criticality(hosts, state, names)[::-1]
+    if names and not _have_room(hosts.system.hosts[host.name], state, stopped):
+        raise UseCaseError(Outcome.REFUSED, [_still_stopped(host.name, names, " The host has no room for them now.")])
+    try:
+        if names and isinstance(host, ScriptedMeasuringHost):
+            _run_script(hosts, host, Purpose.START, names)
+        elif isinstance(host, StepwiseMeasuringHost):
+            for partition in stopped:
+                _start(host, partition)
+    except UseCaseError as error:
+        raise UseCaseError(error.outcome, (_still_stopped(host.name, names), *error.findings)) from None
     return names
+
+
+def _start(host: StepwiseMeasuringHost, partition: Partition) -> None:
+    """Start a partition, unless a killed measurement marked it and did not stop it yet; then correct its mark."""
+    with host_errors():
+        if not partition.settings.running:
+            start = StartPartition(partition=partition.shown_name, machine=partition.id)
+            host.execute(start, _scope(partition))
+        _set_mark(host, partition, StoppedBy.NO_USER)
+
+
+def _still_stopped(host: str, names: tuple[str, ...], why: str = "") -> Diagnostic:
+    template = "On {host} these were stopped to measure, and could not be started: {_names}.{_why}"
+    advice = prose("Correct what prevents it, then start them: ", command("start", *names), ".")
+    return findings.STILL_STOPPED.of_host(host, template, advice, partitions=names, _names=", ".join(names), _why=why)
+
+
+def _by_criticality(hosts: Hosts, state: State, names: Collection[str]) -> list[Partition]:
+    """Return these partitions of the application, the least critical first."""
+    criticality = {group.name: group.criticality for group in groups_of(hosts.system)}
+    own = [each for each in state.of(hosts.system.application.name).partitions if each.shown_name in names]
+    return sorted(own, key=lambda each: (criticality.get(each.shown_name, 0), each.shown_name))
+
+
+def _have_room(host: Host, state: State, stopped: Sequence[Partition]) -> bool:
+    """Tell whether the host can keep its promises to these partitions and to all that count there already."""
+    others = [each.claim for each in state.partitions if each.claims_resources and each not in stopped]
+    return fits(capacity_of(host, state.facts), (*others, *(each.claim for each in stopped)))
+
+
+def _set_mark(host: StepwiseMeasuringHost, partition: Partition, stopped_by: StoppedBy) -> None:
+    """Write who stopped a partition; all else in its mark stays."""
+    mark = partition.mark
+    assert mark is not None, "partitions of the application have marks"
+    operation = WriteMark(
+        partition=mark.name,
+        application=mark.application,
+        name=mark.name,
+        set=mark.set,
+        stopped_by=stopped_by,
+        robot=mark.robot,
+        protected=mark.protected,
+        machine=partition.id,
+    )
+    host.execute(operation, _scope(partition))
+
+
+def _scope(partition: Partition) -> Scope:
+    return Scope(application=partition.mark.application if partition.mark else "", plan=MEASURING)
 
 
 def own_running(state: State, application: str) -> tuple[str, ...]:
@@ -278,23 +342,8 @@ def stopped_to_measure(state: State, application: str) -> State:
     return replace(state, partitions=tuple(map(stopped, state.partitions)))
 
 
-def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
-    """Finish a run that was killed while it stopped partitions to measure, or started them again.
-
-    Raises:
-        UseCaseError: It cannot be finished (failed).
-    """
-    journal = host.unfinished()
-    if journal is None or not part_of_measurement(journal):
-        return
-    finished = finish_unfinished([host])
-    if finished is None or finished.ending is not RunEnding.DONE:
-        raise UseCaseError(Outcome.FAILED, finished.findings if finished else ())
-    reporter.message(f"{host.name}: finished the stop or start of partitions that an earlier measurement had begun.")
-
-
-def _run(hosts: Hosts, host: MeasuringHost, purpose: Purpose, names: tuple[str, ...]) -> None:
-    """Plan, and do it, on one held host.
+def _run_script(hosts: Hosts, host: ScriptedMeasuringHost, purpose: Purpose, names: tuple[str, ...]) -> None:
+    """Stop or start partitions of a host that only scripts change: a script is made of a plan.
 
     Raises:
         UseCaseError: It cannot be planned or done.

@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
-from rarms_iac.model.changes import Update
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan, Step
-from rarms_iac.model.state import Partition, StoppedBy
 from rarms_iac.model.version import __version__
 
 
@@ -45,7 +43,6 @@ class PastRun:
     started_at: str  # as of `RunOrigin`
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
     robot: str = ""  # of `Application`; empty: it has none, or a script that remembers none wrote it down
-    measurement: Literal["", "stop", "start"] = ""  # as of `part_of_measurement`
 
     @output
     def ending(self) -> Literal["done", "abandoned", "unfinished"]:
@@ -76,7 +73,6 @@ class RunStarted:
     rarms: str = __version__  # the version that began it, which ends it, too
     needs_key: bool = False  # of `Plan`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
-    before_measurement: "Journal | None" = None  # of a `part_of_measurement`: the last run that is none
     kind: Literal["run_started"] = "run_started"
 
 
@@ -178,45 +174,5 @@ def history_of(last: Journal | ScriptRun | None) -> tuple[PastRun, ...]:
         started_at=started.started_at,
         closing=None if last.closed is None else last.closed.closing,
         robot=started.robot,
-        measurement=part_of_measurement(last),
     )
     return (*started.history, past)[-MOST_PAST_RUNS:]
-
-
-def part_of_measurement(run: Journal | ScriptRun) -> Literal["", "stop", "start"]:
-    """Tell whether a run does nothing but stop partitions to measure, or start those again.
-
-    Args:
-        run: finished or not.
-
-    Returns:
-        Which of both; empty for a run of anything else, for one that changes nothing, and for a script's.
-    """
-    if not isinstance(run, Journal):
-        return ""
-    changes = run.started.host_plan.changes
-    partitions = [
-        (change.before, change.after)
-        for change in changes
-        if isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition)
-    ]
-    stopped = [
-        any(partition.mark and partition.mark.stopped_by is StoppedBy.MEASUREMENT for partition in both)
-        for both in partitions
-    ]
-    if not changes or len(partitions) < len(changes) or not all(stopped):
-        return ""
-    return "start" if all(after.settings.running for _, after in partitions) else "stop"
-
-
-def run_to_undo(last: Journal | ScriptRun | None) -> Journal | ScriptRun | None:
-    """Tell which run an undo takes back: what was started again after measuring is as the run before left it.
-
-    Args:
-        last: the last run on a host.
-
-    Returns:
-        The same run; where it is a measurement's finished start, the last run that is no part of a measurement.
-    """
-    is_started_again = last is not None and not last.unfinished and part_of_measurement(last) == "start"
-    return last.started.before_measurement if is_started_again and isinstance(last, Journal) else last

@@ -138,8 +138,7 @@ def journal_in(data: bytes | None, path: Path) -> Journal | None:
         return None
     started, steps, closed = split_run(records_in(data, path))
     run = Journal(started=_decode(RunStarted, 1, started), steps=steps, closed=closed)
-    for journal in filter(None, (run, run.started.before_measurement)):
-        _check(journal)
+    _check(run)
     return run
 
 

@@ -20,7 +20,7 @@ from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon as abandon_run
 from rarms_iac.applying.undo import undo as undo_run
 from rarms_iac.model.host import Host
-from rarms_iac.model.journal import Journal, RunKind, ScriptRun, run_to_undo
+from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.providers.interface import LiveHost, WaitLimits
 from rarms_iac.robot.caller import Caller
 from rarms_iac.storage.codec import Json, decode, encode
@@ -67,7 +67,7 @@ def undo(host: Host, job: Json, caller: Caller) -> Json:
     asked = decode(UndoJob, job)
     live = open_host(host, Path(), "")
     with _held(live, asked.waits, caller) as control:
-        last = run_to_undo(live.journal())
+        last = live.journal()
         _refuse_another(asked, last, host.name)
         if plan_key() is not None and last is not None and last.started.run is RunKind.UNDO:
             refuse_unsigned_runs([live], needs_key=False)

@@ -229,13 +229,9 @@ def _is_next(plan: PlanOnPage, command: NextCommand | None) -> bool:
 
 
 def _can_undo(known: Knowledge, application: str) -> bool:
-    """Whether the last run on a host is the application's, and an apply or an undo that did not end.
-
-    A start after measuring is passed over, as `run_to_undo` does.
-    """
+    """Whether the last run on a host is the application's, and an apply or an undo that did not end."""
     hosts = known.history.hosts.values() if known.history else ()
-    last = [next((run for run in reversed(runs) if not run.measurement or run.closing is None), None) for runs in hosts]
-    own = [run for run in last if run is not None and run.application == application]
+    own = [runs[-1] for runs in hosts if runs and runs[-1].application == application]
     return any(run.run is RunKind.APPLY or run.closing is None for run in own)
 
 

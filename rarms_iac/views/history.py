@@ -26,7 +26,7 @@ RUNS = (
 def describe_run(run: PastRun) -> str:
     """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
     robot = f" on {run.robot}" if run.robot else ""
-    return f"{_describe_kind(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+    return f"{run.run.value} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 
 
 def history_text(history: History) -> "RenderableType":
@@ -51,19 +51,8 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
     for number, run in enumerate(runs, start=1):
         whose = f"{run.application} on {run.robot}" if run.robot else run.application
         ending = _ending(run, runs[number:])
-        rows.append((run.started_at, _describe_kind(run), run.plan, whose, run.started_by, ending))
+        rows.append((run.started_at, run.run.value, run.plan, whose, run.started_by, ending))
     return rows[::-1]
-
-
-def _describe_kind(run: PastRun) -> str:
-    """Return what kind of run it was; the stop and start of a measurement are called that."""
-    match run.measurement:
-        case "stop" if run.run is RunKind.APPLY:
-            return "stop to measure"
-        case "start" if run.run is RunKind.APPLY:
-            return "start after measuring"
-        case _:
-            return run.run.value
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
