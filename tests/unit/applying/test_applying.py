@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.applying.run_report import RunEnding
+from rarms_iac.applying.execute import apply_plan
+from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
+from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon, steps_undone
 from rarms_iac.model.host import Fault, FaultEffect, SimulatedHost
+from rarms_iac.model.journal import StepStatus
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
-from tests.builders import a_component, a_host, a_system, codes, the_delivery_robot
+from tests.builders import ORIGIN, a_component, a_host, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 
 OURS = Scope(application="robot", plan="")
@@ -69,6 +72,18 @@ def test_abandoned_run_leaves_the_host(lab: Lab) -> None:
 
     assert lab.apply(lab.plan()).ending is RunEnding.DONE
     assert lab.steps_left() == 0
+
+
+def test_setting_changed_after_last_step_fails_run(lab: Lab) -> None:
+    class Meddling(RunReporter):
+        def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
+            if number == total:
+                another_tool_sets_the_reserve(lab, 10)
+
+    report = apply_plan(lab.plan(), lab.hosts, ORIGIN, RunControl(reporter=Meddling()))
+
+    assert report.ending is RunEnding.FAILED
+    assert "Something else changes it too." in str(report.findings[0].advice)
 
 
 def test_setting_changed_in_middle_of_run_stops_it(lab: Lab) -> None:

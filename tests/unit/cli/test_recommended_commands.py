@@ -241,6 +241,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "an apply was killed": (
         given(MANIFEST, APPLY_KILLED),
+        Ask("drift", "A run is unfinished on ", "apply", in_view=True),
         Ask(
             "plan",
             ("`rarms undo` to take it back", "`rarms apply --abandon` to leave the host as it is"),
@@ -267,22 +268,14 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             may_answer=REFUSED,
         ),
     ),
-    "a measurement was killed that had stopped partitions": (
-        given(MANIFEST, "apply", MEASURE_KILLED),
-        Ask("drift", "A run is unfinished on ", "apply", in_view=True),
-    ),
     "what was stopped to measure cannot be started again": (
         given(MANIFEST, "apply", MEASURE_KILLED, "simulate change speech --reserve 90"),
         Ask(
             MEASURE,
-            "Mend what keeps them from it, then start them",
+            "Correct what prevents it, then start them",
             "start speech vision",
             first=("simulate change speech --reserve 20",),
         ),
-    ),
-    "what was stopped to measure is gone": (
-        given(MANIFEST, "apply", MEASURE_KILLED, "simulate change speech --remove"),
-        Ask(MEASURE, "Something else changes it too", "drift"),
     ),
     "a plan was used": (
         given(MANIFEST, "plan --out a.plan", "apply", "destroy"),
@@ -517,6 +510,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
 
 
 OTHER_TESTS = {
+    "Something else changes it too": "tests/unit/applying/test_applying.py",
     "`rarms undo` to finish it": "tests/system/test_killed_and_run_again.py",
     "run `rarms undo --keep` instead": "tests/unit/cli/test_undo.py",
     "After the undo, `rarms apply` sets": "tests/unit/cli/test_undo.py",
