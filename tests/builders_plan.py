@@ -8,21 +8,11 @@ from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Res
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import (
-    HeldBack,
-    HostPlan,
-    Plan,
-    PlanInputs,
-    Purpose,
-    Readings,
-    Step,
-    Undo,
-    UndoLevel,
-    UnusedPartition,
-)
+from rarms_iac.model.operations import Operation, set_to
+from rarms_iac.model.plan import HeldBack, HostPlan, Plan, PlanInputs, Purpose, Step, Undo, UndoLevel, UnusedPartition
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -169,8 +159,8 @@ def step(
 ) -> Step:
     """A call that lowers a reserve."""
     where = address or Address(partition="vision")
-    call = operation or SetCpu(partition=where.partition, reserve=40, limit=100, weight=100)
-    back = None if undo is UndoLevel.NONE else SetCpu(partition=where.partition, reserve=70, limit=100, weight=100)
+    call = operation or set_to(where.partition, reserve=40, limit=100, weight=100)
+    back = None if undo is UndoLevel.NONE else set_to(where.partition, reserve=70, limit=100, weight=100)
     return Step(
         address=where,
         title=title,

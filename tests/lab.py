@@ -12,7 +12,7 @@ from rarms_iac.applying.make_plan import PlanningResult, make_plan
 from rarms_iac.applying.run_report import RunReport
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import undo
-from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
+from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPartition, set_to
 from rarms_iac.model.plan import Plan, Scope
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
@@ -87,7 +87,7 @@ class Lab:
             settings, name = partition.settings, partition.settings.name
             create = CreatePartition(partition=name, generation=settings.generation, memory=settings.memory)
             host.execute(create, ANOTHER_TOOL)
-            cpu = SetCpu(partition=name, reserve=settings.reserve, limit=settings.limit, weight=settings.weight)
+            cpu = set_to(name, reserve=settings.reserve, limit=settings.limit, weight=settings.weight)
             host.execute(cpu, ANOTHER_TOOL)
             if settings.running:
                 host.execute(StartPartition(partition=name), ANOTHER_TOOL)

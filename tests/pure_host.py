@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.capacity import core_sharing
+from rarms_iac.model.facets import Readings, with_values
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import partition_after
 from rarms_iac.model.operations import (
@@ -15,16 +16,12 @@ from rarms_iac.model.operations import (
     RemovePartition,
     RemoveTaskClass,
     RestorePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
+    Set,
     TaskOperation,
     WriteTaskClass,
     WriteTaskRecord,
 )
-from rarms_iac.model.plan import Readings, Scope, Step
+from rarms_iac.model.plan import Scope, Step
 from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
 from tests.strategies import some_settings
 
@@ -174,16 +171,13 @@ def _set(now: Responsiveness, operation: TaskOperation) -> Responsiveness:
 def _changed(old: Partition, operation: MachineOperation) -> Partition:
     settings = old.settings
     match operation:
-        case SetProcessors():
-            assert not settings.running, "processors change only while it is off"
-        case SetCpu(reserve=reserve, limit=limit):
-            assert reserve <= limit
-        case SetMemory(dynamic=dynamic):
-            assert dynamic == settings.dynamic_memory or not settings.running
-        case SetActions(stop=stop):
-            assert stop is None or not settings.running, "its stop action changes only while it is off"
-        case SetSecureBoot():
-            assert not settings.running, "its secure boot changes only while it is off"
+        case Set(after=after):
+            new = with_values(settings, after)
+            off = {"processors", "stop_action", "secure_boot"}.intersection(after)
+            if new.dynamic_memory != settings.dynamic_memory:
+                off.add("dynamic_memory")
+            assert not (off and settings.running), f"{off} change only while it is off"
+            assert new.reserve <= new.limit
         case RemovePartition():
             raise AssertionError(f"{operation} is of no machine that is there")
         case _:

@@ -35,8 +35,8 @@ from rarms_iac.model.commands import APPLY, PLAN, PLAN_OUT, UNDO, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
+from rarms_iac.model.operation_effects import reversal
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel

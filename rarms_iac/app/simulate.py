@@ -10,7 +10,7 @@ from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitio
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.operations import Operation, RemovePartition, SetCpu, StartPartition, StopPartition
+from rarms_iac.model.operations import Operation, RemovePartition, StartPartition, StopPartition, set_to
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import PartitionSettings
 from rarms_iac.providers.interface import StepwiseHost
@@ -72,7 +72,7 @@ def _simulated(hosts: Hosts) -> Hosts:
 def _operations(change: IntruderChange, now: PartitionSettings) -> Iterator[Operation]:
     name = change.partition
     if change.reserve is not None:
-        yield SetCpu(partition=name, reserve=change.reserve, limit=now.limit, weight=now.weight)
+        yield set_to(name, reserve=change.reserve, limit=now.limit, weight=now.weight)
     if change.is_removed or change.running is False:
         yield StopPartition(partition=name, grace_ms=0)
     if change.is_removed:

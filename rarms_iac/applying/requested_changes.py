@@ -164,7 +164,7 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
         robot=request.system.application.robot,
         name=name,
         machine=before.id[:8],
-        set=set_of_settings(replace(before.settings, secure_boot=None)),
+        set=set_of_settings(replace(before.settings, secure_boot="")),
     )
     yield Adopt(
         address=Address(partition=name, machine=before.id),

@@ -13,8 +13,9 @@ from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunRe
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.facets import Reading, Readings
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
-from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.model.plan import Scope, Step
 from rarms_iac.providers.interface import NO_WAITING, HostError, HostLocked, LiveHost, StepwiseHost, WaitLimits
 from rarms_iac.providers.robot import EndedThere
 

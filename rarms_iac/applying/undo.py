@@ -24,9 +24,9 @@ from rarms_iac.model.journal import (
     StepStatus,
     history_of,
 )
+from rarms_iac.model.operation_effects import reversal
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
-from rarms_iac.model.step_titles import reversal
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.summary import FOREIGN, NOT_UNDONE

@@ -7,11 +7,11 @@ from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDif
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
 from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
-from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.facets import LABELS, Facet, setting_text
 from rarms_iac.model.shared_findings import FOREIGN_AT_NAME, MAY_NOT_CHANGE
-from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState, State, StoppedBy
+from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
 
@@ -19,26 +19,7 @@ FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
 NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
 
 
-def _named_settings(settings: PartitionSettings) -> dict[str, object]:
-    """Return the settings by the words for them.
-
-    Processor time is shown as the plan shows it, of all virtual processors together.
-    """
-    return {
-        "name": settings.name,
-        "processors": settings.processors,
-        "reserve": settings.reserve * settings.processors,
-        "limit": None if settings.limit == WHOLE else settings.limit * settings.processors,
-        "weight": settings.weight,
-        "period of the limit": settings.quota_period_us,
-        "memory": (settings.memory, settings.dynamic_memory),
-        "start action": settings.start_action,
-        "stop action": settings.stop_action,
-        "checkpoints": settings.checkpoints,
-        "generation": settings.generation,
-        "secure boot": settings.secure_boot,
-        "whether it runs": settings.running,
-    }
+_WORDS = {"quota_period_us": "period of the limit", "running": "whether it runs"}
 
 
 def partition_changes(
@@ -142,8 +123,8 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
         return "it was stopped by rarms, and started with another tool"
     if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
         return "`rarms measure` stopped it and ended before it started it again"
-    wanted = _named_settings(after.settings)
-    differing = [word for word, value in _named_settings(before.settings).items() if value != wanted[word]]
+    old, new = before.settings, after.settings
+    differing = [{**LABELS, **_WORDS}[name] for name in LABELS if setting_text(name, old) != setting_text(name, new)]
     if not differing and before.mark and after.mark and before.mark.protected != after.mark.protected:
         return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
     if not differing and before.mark and after.mark and before.mark.robot != after.mark.robot:

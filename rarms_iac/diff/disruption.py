@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from math import ceil
 
 from rarms_iac.diff.step_context import HostContext
+from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 WINDOWS_10 = 10240
@@ -26,34 +27,13 @@ def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
     return ceil(graces.get(partition, GRACE))
 
 
-def changed_facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
-    """Tell which facets of the settings differ; whether the partition runs is none of them.
-
-    Returns:
-        The facets of which any setting differs; empty where none does.
-    """
-    pairs = {
-        Facet.NAME: (before.name, after.name),
-        Facet.PROCESSORS: (before.processors, after.processors),
-        Facet.CPU: (
-            (before.reserve, before.limit, before.weight, before.quota_period_us),
-            (after.reserve, after.limit, after.weight, after.quota_period_us),
-        ),
-        Facet.MEMORY: ((before.memory, before.dynamic_memory), (after.memory, after.dynamic_memory)),
-        Facet.ACTIONS: (
-            (before.start_action, before.stop_action, before.checkpoints),
-            (after.start_action, after.stop_action, after.checkpoints),
-        ),
-        Facet.GENERATION: (before.generation, after.generation),
-        Facet.SECURE_BOOT: (before.secure_boot, after.secure_boot),
-    }
-    return frozenset(facet for facet, (old, new) in pairs.items() if old != new)
+def changed_facets(before: PartitionSettings, after: PartitionSettings) -> tuple[Facet, ...]:
+    """Return the facets of which a setting differs, in their order."""
+    return tuple(facet for facet in FACETS if differing(facet, before, after))
 
 
 def needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
     """Tell whether a setting changes for which the machine must be off.
-
-    These are processors, memory, secure boot and the action at a stop.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
     changes live where it is static and both Windows are new enough (windows.md 3).
@@ -66,12 +46,11 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
     """
     if context.facts.provider is ProviderKind.LINUX:
         return False
-    if before.settings.stop_action is not after.stop_action:
+    changed = {name for facet in FACETS for name in differing(facet, before.settings, after)}
+    if changed & WHILE_OFF:
         return True
-    changed = changed_facets(before.settings, after)
-    if {Facet.PROCESSORS, Facet.SECURE_BOOT} & changed:
-        return True
-    return bool(Facet.MEMORY in changed and why_memory_needs_off(before, after, context))
+    is_memory = changed.intersection(FACETS[Facet.MEMORY].settings)
+    return bool(is_memory and why_memory_needs_off(before, after, context))
 
 
 def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:
@@ -119,7 +98,7 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: H
     Returns:
         The least disruption with which this host can make the change.
     """
-    if Facet.GENERATION in changed_facets(before.settings, after):
+    if before.settings.generation != after.generation:
         return Disruption.REMOVAL  # never after creation: it is made again (windows.md 3)
     return Disruption.PARTITION_STOP if stops(before, after, context) else Disruption.LIVE
 
@@ -154,7 +133,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
         case RunState.OFF | RunState.RUNNING:
             return True
         case RunState.SAVED:
-            gets = changed_facets(before.settings, after) & {Facet.CPU, Facet.MEMORY}
+            gets = {Facet.CPU, Facet.MEMORY}.intersection(changed_facets(before.settings, after))
             return not off_needed and (after.running or not gets)
         case RunState.PAUSED | RunState.BUSY | RunState.CRITICAL:
             return not off_needed and after.running == before.settings.running

@@ -267,10 +267,6 @@ def without_unfinished(
     )
 
 
-NO_PERIOD = ("quota_period_us", 0)
-"""The reading that only limited partitions of Linux have: the digests of all others do not tell it."""
-
-
 def part_digests(state: State, application: str) -> Mapping[str, str]:
     """Digest each part of the state that a plan rests on.
 
@@ -289,7 +285,7 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
         if partition.mark is not None and partition.mark.application == application:
             attached = sorted(disk.path for disk in state.disks if disk.machine == partition.id)
             parts[f"{PARTITION_PREFIX}{partition.mark.name}"] = {
-                **{name: value for name, value in partition_readings(partition).items() if (name, value) != NO_PERIOD},
+                **partition_readings(partition),
                 "disks": attached,
                 "takes": partition.claim.processors,
             }

@@ -12,11 +12,11 @@ from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete
 from rarms_iac.model.claims import Claim, Load, load_of
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.operation_effects import describe_stop
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.shared_findings import NO_ORDER
 from rarms_iac.model.state import RunState
-from rarms_iac.model.step_titles import describe_stop
 from rarms_iac.model.system import Disruption
 
 

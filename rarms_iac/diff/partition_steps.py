@@ -29,6 +29,7 @@ from rarms_iac.diff.setting_steps import (
 )
 from rarms_iac.diff.step_context import HostContext
 from rarms_iac.model.changes import Address, Reason
+from rarms_iac.model.facets import FACETS, Facet
 from rarms_iac.model.layout import Making
 from rarms_iac.model.operation_effects import mark_operation
 from rarms_iac.model.operations import (
@@ -40,7 +41,7 @@ from rarms_iac.model.operations import (
     StopPartition,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.state import Disk, DiskKind, Facet, Partition, PartitionSettings, RunState, State
+from rarms_iac.model.state import Disk, DiskKind, Partition, PartitionSettings, RunState, State
 from rarms_iac.model.system import Disruption
 
 
@@ -132,8 +133,7 @@ def update_partition(
     Yields:
         The steps in their order; none where nothing differs.
     """
-    changed = changed_facets(before.settings, after.settings)
-    if Facet.GENERATION in changed:
+    if before.settings.generation != after.settings.generation:
         yield from remove_partition(address, before, reason, replace(context, disks={}))
         yield from create_partition(replace(address, machine=""), after, reason, context)
         return
@@ -147,9 +147,10 @@ def update_partition(
         yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it is not to run")
     if before.state is RunState.SAVED and after.settings.running:
         yield start_step(builder, "a saved machine takes its settings only once it runs")
-    for facet in sorted(changed & _VALUES, key=lambda facet: (_takes_more(facet, before, after), _ORDER.index(facet))):
+    changed = changed_facets(before.settings, after.settings)
+    for facet in sorted(changed, key=lambda facet: _takes_more(facet, before, after)):
         yield facet_step(builder, facet, before.settings, after.settings)
-    if Facet.NAME in changed:
+    if before.settings.name != after.settings.name:
         yield rename_step(builder, after.settings.name)
     old = builder.now.mark
     if after.mark is not None and (old is None or old.written != after.mark.written):
@@ -158,21 +159,10 @@ def update_partition(
         yield start_step(builder)
 
 
-_ORDER = (Facet.PROCESSORS, Facet.CPU, Facet.MEMORY, Facet.ACTIONS, Facet.SECURE_BOOT)
-_VALUES = frozenset(_ORDER)
-
-
 def _takes_more(facet: Facet, before: Partition, after: Partition) -> bool:
-    old, new = before.settings, after.settings
-    match facet:
-        case Facet.PROCESSORS:
-            return new.processors > old.processors
-        case Facet.CPU:
-            return new.reserve > old.reserve
-        case Facet.MEMORY:
-            return new.memory > old.memory
-        case _:
-            return True  # actions weigh nothing; they come after the values
+    """Return whether it takes capacity; what takes none comes after the values that do."""
+    setting = FACETS[facet].capacity
+    return not setting or getattr(after.settings, setting) > getattr(before.settings, setting)
 
 
 def rename_mark(address: Address, before: Partition, reason: Reason, between: str = "") -> Iterator[Step]:

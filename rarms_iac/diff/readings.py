@@ -1,20 +1,21 @@
 """Readings: all that can be read at an address, by the names that a step's `before` and `after` use.
 
 `diff` makes both from states with `readings`, a host answers with the same function over what it observes now; so a
-step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
-`reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
-`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
-(the digest, with the word of who stopped it), `secure_boot` (a template, or `off`), `quota_period_us` (0: it has no
-limit), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a disk: `exists`, `parent`, `used`
-(a machine has it, or a disk that grows out of it). For a task class: `exists`, `values` (their names), `value:<name>`
-as `<kind>:<data>`, `record` (`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows
-does not tell their case apart. For SystemResponsiveness the same as for a task class with that one value.
+step's guard compares like with like.
+
+For a partition: `exists`, `machine` (id), each of its settings (`model.facets`), `state` (a paused machine is neither
+running nor off), `mark` (`<application>/<partition>` or empty), `set` (the digest, with the word of who stopped it),
+`snapshots` (how many checkpoints were taken), `disks` (how many it has). For a disk: `exists`, `parent`, `used` (a
+machine has it, or a disk that grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as
+`<kind>:<data>`, `record` (`<application>` or empty), `set`. The names are in lower case in `values`, as Windows ignores
+their case. For SystemResponsiveness the same as for a task class with that one value.
 """
 
 from collections.abc import Iterable, Mapping
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.facets import Readings, setting_values
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import Disk, Partition, RegistryValue, Responsiveness, State, TaskClass, TaskRecord
 
 NOTHING: Readings = {"exists": False}
@@ -122,28 +123,15 @@ def partition_readings(partition: Partition) -> Readings:
     Returns:
         All readings by name, memory in bytes, reserve and limit in per cent of each virtual processor.
     """
-    settings, mark = partition.settings, partition.mark
+    mark = partition.mark
     return {
         "exists": True,
         "machine": partition.id,
-        "name": settings.name,
-        "generation": settings.generation,
-        "processors": settings.processors,
-        "reserve": settings.reserve,
-        "limit": settings.limit,
-        "weight": settings.weight,
-        "memory": settings.memory,
-        "dynamic_memory": settings.dynamic_memory,
-        "start_action": settings.start_action.value,
-        "stop_action": settings.stop_action.value,
-        "checkpoints": settings.checkpoints.value,
-        "running": settings.running,
+        **setting_values(partition.settings),
         "state": partition.state.value,
         "mark": f"{mark.application}/{mark.name}" if mark else "",
         "set": mark.written if mark else "",
         "snapshots": partition.checkpoints,
-        "secure_boot": settings.secure_boot or "",
-        "quota_period_us": settings.quota_period_us or 0,
     }
 
 

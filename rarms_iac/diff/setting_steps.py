@@ -6,36 +6,24 @@ from math import ceil
 from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.readings import partition_readings
 from rarms_iac.model.changes import Address, Reason
-from rarms_iac.model.operation_effects import applied, mark_operation, partition_after, reverse
-from rarms_iac.model.operations import (
-    MachineOperation,
-    RenamePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
-    StartPartition,
-    StopPartition,
+from rarms_iac.model.facets import FACETS, Facet, Readings, change_text, differing, setting_values, settings_of
+from rarms_iac.model.operation_effects import (
+    applied,
+    change_title,
+    describe_stop,
+    mark_operation,
+    partition_after,
+    reverse,
 )
-from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
-from rarms_iac.model.step_titles import change_title, describe_stop, new_title
+from rarms_iac.model.operations import MachineOperation, RenamePartition, Set, StartPartition, StopPartition
+from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.state import Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
 _NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused: it is not so again")
 _WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it goes with the machine, which is removed")
 _EXISTS: Readings = {"exists": True}
-
-_FIELDS = {
-    Facet.PROCESSORS: ("processors",),
-    Facet.CPU: ("reserve", "limit", "weight"),
-    Facet.MEMORY: ("memory", "dynamic_memory"),
-    Facet.ACTIONS: ("start_action", "stop_action", "checkpoints"),
-    Facet.SECURE_BOOT: ("secure_boot",),
-}
-"""Of each facet that one call sets: the settings, which are also what its step reads."""
 
 
 @dataclass(slots=True)
@@ -112,75 +100,36 @@ def mark_step(builder: StepBuilder, mark: Mark, why: str) -> Step:
 
 
 def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
-    """Give the machine all that `new` has of this facet, in one call; its undo gives it what it has now.
+    """Give the machine all that `new` has of this facet, in one call; its undo gives it the values that it has now.
 
     Args:
-        facet: processors, CPU, memory or actions; names and generations have steps of their own.
+        builder: of the machine on its way.
         old: the settings before the change.
         new: the settings after it.
-
-    Returns:
-        The step; on an existing machine the actions of it are only those that differ.
     """
-    fields = _FIELDS[facet]
-    if facet is Facet.ACTIONS and new.generation == NO_GENERATION:
-        fields = ("start_action",)  # a control group has no other
-    elif facet is Facet.ACTIONS and not builder.new:
-        fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
-    if facet is Facet.CPU and (old.quota_period_us or new.quota_period_us):
-        fields = (*fields, "quota_period_us")
-    needs_state = facet in {Facet.PROCESSORS, Facet.SECURE_BOOT} or (
-        facet is Facet.MEMORY and builder.now.state is RunState.OFF
+    row = FACETS[facet]
+    names = differing(facet, old, new) if row.only_changed and not builder.new else row.settings
+    names = tuple(name for name in names if name in settings_of(new.generation))
+    operation = Set(
+        partition=builder.address.partition,
+        facet=facet,
+        before={} if builder.new else setting_values(builder.now.settings, names),
+        after=setting_values(new, names),
+        machine=builder.address.machine,
     )
-    needs_state = needs_state or "stop_action" in fields
-    operation = _operation(facet, builder.address, new, fields)
-    title = new_title(operation, new) if builder.new else change_title(operation, old, new)
+    reads_state = row.while_off.intersection(names) or (facet is Facet.MEMORY and builder.now.state is RunState.OFF)
     return builder.step(
         operation,
-        (*fields, *(("state",) if needs_state else ())),
-        _why_here(facet, old, new, is_new=builder.new),
-        title=title,
+        (*names, "state") if reads_state else names,
+        row.comment or _why_here(row.capacity, old, new, is_new=builder.new),
+        title=change_text(names, None if builder.new else old, new),
     )
 
 
-def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tuple[str, ...]) -> MachineOperation:
-    partition, machine = address.partition, address.machine
-    match facet:
-        case Facet.PROCESSORS:
-            return SetProcessors(partition=partition, processors=to.processors, machine=machine)
-        case Facet.CPU:
-            return SetCpu(
-                partition=partition,
-                reserve=to.reserve,
-                limit=to.limit,
-                weight=to.weight,
-                quota_period_us=to.quota_period_us,
-                machine=machine,
-            )
-        case Facet.MEMORY:
-            return SetMemory(partition=partition, memory=to.memory, dynamic=to.dynamic_memory, machine=machine)
-        case Facet.ACTIONS:
-            return SetActions(
-                partition=partition,
-                start=to.start_action if "start_action" in fields else None,
-                stop=to.stop_action if "stop_action" in fields else None,
-                checkpoints=to.checkpoints if "checkpoints" in fields else None,
-                machine=machine,
-            )
-        case Facet.SECURE_BOOT:
-            return SetSecureBoot(partition=partition, secure_boot=to.secure_boot or SECURE_BOOT_OFF, machine=machine)
-        case Facet.NAME | Facet.GENERATION:
-            raise AssertionError("names and generations have steps of their own")
-
-
-def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
-    if facet in {Facet.PROCESSORS, Facet.SECURE_BOOT}:
-        return "only while it is off"
-    if facet is Facet.ACTIONS:
-        return "what its host does with it"
+def _why_here(setting: str, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
     if is_new:
         return "while it is off nothing is promised yet"
-    before, after = (old.reserve, to.reserve) if facet is Facet.CPU else (old.memory, to.memory)
+    before, after = getattr(old, setting), getattr(to, setting)
     if after < before:
         return "what is given back comes before what is taken"
     return "after the others gave back" if after > before else "nothing is taken or given back"

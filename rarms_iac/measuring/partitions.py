@@ -18,13 +18,11 @@ from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,
     RenamePartition,
-    SetActions,
-    SetCpu,
-    SetProcessors,
     StartPartition,
     StopPartition,
     WriteMark,
     WriteTaskClass,
+    set_to,
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
@@ -286,7 +284,7 @@ def set_reserves(
     for shape in sorted(shapes, key=lambda shape: (reserves[shape.name] - now.get(shape.name, 0), shape.name)):
         wanted = reserves[shape.name]
         if now.get(shape.name) != wanted:
-            cpu = SetCpu(partition=shape.name, reserve=wanted, limit=shape.limit, weight=shape.weight)
+            cpu = set_to(shape.name, reserve=wanted, limit=shape.limit, weight=shape.weight)
             host.execute(cpu, Scope(application=application, plan=MEASURING))
 
 
@@ -317,12 +315,12 @@ def _make(host: StepwiseHost, shape: PartitionShape, scope: Scope) -> None:
     for operation in (
         CreatePartition(partition=name, generation=GENERATION, memory=shape.memory),
         WriteMark(partition=name, application=scope.application, name=name, set=NOTHING_SET),
-        SetProcessors(partition=name, processors=shape.processors),
-        SetCpu(partition=name, reserve=0, limit=shape.limit, weight=shape.weight),
-        SetActions(
-            partition=name,
-            start=StartAction.NOTHING,
-            stop=StopAction.TURN_OFF,
+        set_to(name, processors=shape.processors),
+        set_to(name, reserve=0, limit=shape.limit, weight=shape.weight),
+        set_to(
+            name,
+            start_action=StartAction.NOTHING,
+            stop_action=StopAction.TURN_OFF,
             checkpoints=Checkpoints.DISABLED,
         ),
         RenamePartition(partition=name, name=name),

@@ -2,12 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
-from enum import Enum
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal, cast
 
 from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing, setting_values
 from rarms_iac.model.output import Internal, OutputText, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
@@ -124,8 +124,7 @@ def _values(resource: Resource | None) -> Mapping[str, Value]:
         case None:
             return {}
         case Partition(settings=settings):
-            values = {field.name: getattr(settings, field.name) for field in fields(settings)}
-            return {name: value.value if isinstance(value, Enum) else value for name, value in values.items()}
+            return setting_values(settings)
         case TaskClass(values=registry) | Responsiveness(values=registry):
             return {name: f"{value.kind.value}:{value.data}" for name, value in sorted(registry.items())}
 
@@ -138,9 +137,9 @@ def _forced_by(change: "Change", name: str) -> Forced:
         return "replacement"
     if change.disruption is not Disruption.PARTITION_STOP or not new.settings.running:
         return ""
-    # NOTE: memory may change live (windows.md 3); where processors change too, they alone are known to need the stop.
-    wider = old.settings.processors != new.settings.processors
-    return "restart" if name in (("processors",) if wider else ("memory", "dynamic_memory")) else ""
+    # NOTE: memory may change live (windows.md 3); if another setting changes too, only that is known to need the stop.
+    stopping = {each for facet in FACETS for each in differing(facet, old.settings, new.settings)} & WHILE_OFF
+    return "restart" if name in (stopping or FACETS[Facet.MEMORY].settings) else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

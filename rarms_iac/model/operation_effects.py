@@ -1,13 +1,16 @@
-"""What operations make of a partition, and which operation takes one back.
+"""What operations make of a partition, which operation takes one back, and the titles of their steps.
 
 Begin at `applied`, for settings, and `reverse`, given what was there before.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
 from math import ceil
 from typing import assert_never
 
+from rarms_iac.model.changes import Address, Change, Update
+from rarms_iac.model.facets import change_text, with_values
 from rarms_iac.model.operations import (
     EraseMark,
     EraseTaskRecord,
@@ -16,20 +19,18 @@ from rarms_iac.model.operations import (
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
+    Set,
     StartPartition,
     StopPartition,
     TaskOperation,
     WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
+    forced_after_ms,
 )
+from rarms_iac.model.plan import Step
+from rarms_iac.model.quantities import plain
 from rarms_iac.model.state import (
-    SECURE_BOOT_OFF,
     Mark,
     Partition,
     PartitionSettings,
@@ -71,21 +72,8 @@ def applied(settings: PartitionSettings, operation: MachineOperation) -> Partiti
     match operation:
         case RenamePartition(name=name):
             return replace(settings, name=name)
-        case SetProcessors(processors=processors):
-            return replace(settings, processors=processors)
-        case SetCpu(reserve=reserve, limit=limit, weight=weight, quota_period_us=period):
-            return replace(settings, reserve=reserve, limit=limit, weight=weight, quota_period_us=period)
-        case SetMemory(memory=memory, dynamic=dynamic):
-            return replace(settings, memory=memory, dynamic_memory=dynamic)
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            return replace(
-                settings,
-                start_action=start or settings.start_action,
-                stop_action=stop or settings.stop_action,
-                checkpoints=checkpoints or settings.checkpoints,
-            )
-        case SetSecureBoot(secure_boot=secure_boot):
-            return replace(settings, secure_boot=secure_boot)
+        case Set(after=after):
+            return with_values(settings, after)
         case StartPartition() | StopPartition():
             return replace(settings, running=isinstance(operation, StartPartition))
         case RemovePartition() | WriteMark() | EraseMark():
@@ -133,27 +121,8 @@ def reverse(operation: MachineOperation, before: Partition, *, grace_ms: int = c
     match operation:
         case RenamePartition():
             return replace(operation, name=settings.name)
-        case SetProcessors():
-            return replace(operation, processors=settings.processors)
-        case SetCpu():
-            return replace(
-                operation,
-                reserve=settings.reserve,
-                limit=settings.limit,
-                weight=settings.weight,
-                quota_period_us=settings.quota_period_us,
-            )
-        case SetMemory():
-            return replace(operation, memory=settings.memory, dynamic=settings.dynamic_memory)
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            return replace(
-                operation,
-                start=start and settings.start_action,
-                stop=stop and settings.stop_action,
-                checkpoints=checkpoints and settings.checkpoints,
-            )
-        case SetSecureBoot():
-            return replace(operation, secure_boot=settings.secure_boot or SECURE_BOOT_OFF)
+        case Set():
+            return operation.reversed
         case WriteMark() | EraseMark():
             return mark_operation(before.mark, partition, machine)
         case StartPartition():
@@ -193,3 +162,52 @@ def values_operation(task: str, inside: str, values: Mapping[str, RegistryValue]
     if not values:
         return RemoveTaskClass(task=task, inside=inside)
     return WriteTaskClass(task=task, inside=inside, values=dict(values))
+
+
+def describe_stop(grace: int, *, forces: bool) -> str:
+    """Describe how a guest is stopped, with the times in seconds after it was asked.
+
+    Args:
+        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
+        forces: whether its host can force it to shut down.
+    """
+    if not grace:
+        return "turned off, not asked"
+    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
+    return f"asked, {forced}after {_seconds(grace)} s turned off"
+
+
+def _seconds(milliseconds: int) -> str:
+    return plain(Fraction(milliseconds, 1000))
+
+
+def change_title(operation: Operation, old: PartitionSettings, to: PartitionSettings) -> str:
+    """Say from what to what an operation changes a machine.
+
+    Args:
+        old: its settings before the change, of all steps that belong together.
+        to: its settings after it.
+    """
+    match operation:
+        case Set(after=after):
+            return change_text(after, old, to) or str(operation)
+        case RenamePartition(name=name):
+            return f"name {old.name} -> {name}"
+        case WriteMark():
+            return f"{operation}, set {operation.mark('').written}"
+        case _:
+            return str(operation)
+
+
+def reversal(step: Step, changes: Mapping[Address, Change]) -> Step:
+    """Return the step that takes one back, titled from what is found then to what was there before.
+
+    Args:
+        step: of a plan; it has an undo with an operation.
+        changes: those of its host, by address.
+    """
+    assert step.undo.operation is not None, "a step without an undo is not taken back"
+    operation, change = step.undo.operation, changes.get(step.address)
+    if isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition):
+        return step.reversed(change_title(operation, change.after.settings, change.before.settings))
+    return step.reversed(str(operation))

@@ -10,21 +10,19 @@ has the name of the class, and no task class of the manifest may have that name 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from rarms_iac.model.changes import SLASH
+from rarms_iac.model.facets import FACETS, LABELS, Facet, FacetRow, Reading, Readings, facet_of, refuse_values
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.quantities import show_period, write_bytes
+from rarms_iac.model.quantities import write_bytes
 from rarms_iac.model.state import (
     ID_DIGITS,
     NO_GENERATION,
-    Checkpoints,
     Mark,
     PartitionSettings,
     RegistryValue,
-    StartAction,
-    StopAction,
     StoppedBy,
     TaskClass,
     TaskRecord,
@@ -41,7 +39,7 @@ class CreatePartition:
     image: str = ""  # parent disk of a differencing child; empty: no disk
     switch: str = ""  # empty: not connected
     vm_path: str = ""  # empty: the host's default
-    secure_boot: str | None = None  # a template, or `SECURE_BOOT_OFF`; None: as the host makes it
+    secure_boot: str = ""  # a template, or `SECURE_BOOT_OFF`; empty: as the host makes it
     kind: Literal["create_partition"] = "create_partition"
 
     def __str__(self) -> str:
@@ -167,86 +165,38 @@ class EraseMark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SetProcessors:
-    """The number of virtual processors; the machine must be off."""
+class Set:
+    """Give a machine settings of one facet, in one call."""
 
     partition: str
-    processors: int
+    facet: Facet
+    before: Readings = field(default_factory=dict)  # empty: it is not known, as of a machine that is new
+    after: Readings  # the other settings of the facet stay as they are
     machine: str = ""
-    kind: Literal["set_processors"] = "set_processors"
+    kind: Literal["set"] = "set"
+
+    def __post_init__(self) -> None:
+        """Refuse what is not of the facet (ValueError)."""
+        refuse_values(self.facet, self.before)
+        refuse_values(self.facet, self.after)
+
+    @property
+    def row(self) -> FacetRow:
+        """How the facet is set."""
+        return FACETS[self.facet]
+
+    @property
+    def reversed(self) -> "Set":
+        """The operation that takes this one back."""
+        return replace(self, before=self.after, after=self.before)
 
     def __str__(self) -> str:
-        return f"processors {self.processors}"
+        return "set " + ", ".join(f"{LABELS[name]} {value}" for name, value in self.after.items())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetCpu:
-    """Reserve, limit and weight in one call; on Linux with the period of the limit."""
-
-    partition: str
-    reserve: int
-    limit: int
-    weight: int
-    quota_period_us: int | None = None
-    machine: str = ""
-    kind: Literal["set_cpu"] = "set_cpu"
-
-    def __str__(self) -> str:
-        period = f", counted every {show_period(self.quota_period_us)}" if self.quota_period_us else ""
-        return f"reserve {self.reserve} % of each VP, limit {self.limit} % of each VP{period}, weight {self.weight}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetMemory:
-    """Memory at start, and whether it is dynamic."""
-
-    partition: str
-    memory: int  # bytes
-    dynamic: bool = False
-    machine: str = ""
-    kind: Literal["set_memory"] = "set_memory"
-
-    def __str__(self) -> str:
-        return f"memory {write_bytes(self.memory)}{', dynamic' if self.dynamic else ''}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetActions:
-    """Set what happens to the machine when the host starts and stops, and its checkpoints; None leaves one as it is.
-
-    The action at the host's stop is taken only while the machine is off.
-    """
-
-    partition: str
-    start: StartAction | None = None
-    stop: StopAction | None = None
-    checkpoints: Checkpoints | None = None
-    machine: str = ""
-    kind: Literal["set_actions"] = "set_actions"
-
-    def __str__(self) -> str:
-        said = []
-        if self.start:
-            said.append(f"when the host starts: {self.start.value.replace('_', ' ')}")
-        if self.stop:
-            said.append(f"when the host stops: {self.stop.value.replace('_', ' ')}")
-        if self.checkpoints:
-            disabled = self.checkpoints is Checkpoints.DISABLED
-            said.append(f"{'no' if disabled else self.checkpoints.value.replace('_', ' ')} checkpoints")
-        return "; ".join(said)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetSecureBoot:
-    """Switch secure boot off, or on with this template; only generation 2 has it, and only while the machine is off."""
-
-    partition: str
-    secure_boot: str  # a template's name, or `SECURE_BOOT_OFF`
-    machine: str = ""
-    kind: Literal["set_secure_boot"] = "set_secure_boot"
-
-    def __str__(self) -> str:
-        return f"secure boot {self.secure_boot}"
+def set_to(partition: str, machine: str = "", **values: Reading) -> Set:
+    """Return the operation that gives a machine these settings, all of one facet, without the values before it."""
+    return Set(partition=partition, machine=machine, facet=facet_of(next(iter(values))), after=values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -341,20 +291,13 @@ class EraseTaskRecord:
         return "forget it: it is no longer ours"
 
 
-MachineOperation = (
-    RemovePartition
-    | RenamePartition
-    | WriteMark
-    | EraseMark
-    | SetProcessors
-    | SetCpu
-    | SetMemory
-    | SetActions
-    | SetSecureBoot
-    | StartPartition
-    | StopPartition
-)
+MachineOperation = RemovePartition | RenamePartition | WriteMark | EraseMark | Set | StartPartition | StopPartition
 """Operations on a machine that exists."""
 
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
 Operation = CreatePartition | RestorePartition | MachineOperation | RemoveDisk | TaskOperation
+
+
+def call_name(operation: Operation) -> str:
+    """Return the name of the call, by which faults of a simulated host name it: `start_partition`, `set_cpu`."""
+    return f"set_{operation.facet}" if isinstance(operation, Set) else operation.kind

@@ -10,6 +10,7 @@ from rarms_iac.model.changes import Address, Change, count
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import ChosenLayout, Placement, RecordedAnswer
 from rarms_iac.model.operations import Operation
@@ -17,10 +18,6 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import HostFacts, RegistryValue, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import HostTotals, Totals, host_totals
-
-Reading = bool | int | str
-Readings = Mapping[str, Reading]
-"""Some of what can be read at an address, by name: see `diff.readings`. Only what a step depends on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

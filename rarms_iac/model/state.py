@@ -22,18 +22,6 @@ class Rights(StrEnum):
     UNKNOWN = "unknown"
 
 
-class Facet(StrEnum):
-    """A part of a partition's settings that one call changes."""
-
-    NAME = "name"
-    PROCESSORS = "processors"
-    CPU = "cpu"
-    MEMORY = "memory"
-    ACTIONS = "actions"
-    GENERATION = "generation"
-    SECURE_BOOT = "secure_boot"
-
-
 USUAL_DEADLINE_PERCENT = 95
 """The kernel's own: `sched_rt_runtime_us` 950000 of `sched_rt_period_us` 1000000."""
 
@@ -125,9 +113,8 @@ class PartitionSettings:
     stop_action: StopAction
     checkpoints: Checkpoints
     running: bool
-    secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or unknown
-    # On Linux, how often its limit is counted anew; None: nothing limits it.
-    quota_period_us: int | None = None
+    secure_boot: str = ""  # its template, or `SECURE_BOOT_OFF`; empty: generation 1, unknown, or as the host makes it
+    quota_period_us: int = 0  # on Linux, how often its limit is counted again; 0: nothing limits it
 
 
 SECURE_BOOT_OFF = "off"

@@ -125,7 +125,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, system: System)
     settings = replace(
         partition.settings,
         running=partition.settings.running or runs_or_is_wanted_again,
-        secure_boot=partition.settings.secure_boot if there is None or there.settings.secure_boot else None,
+        secure_boot=partition.settings.secure_boot if there is None or there.settings.secure_boot else "",
     )
     request, application = system.partitions.get(partition.name), system.application.name
     mark = Mark(
@@ -159,14 +159,14 @@ def _stopped_unwanted(there: Partition) -> Partition:
     """Return a partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
     assert there.mark is not None
     name = there.mark.name
-    settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING, secure_boot=None)
+    settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING, secure_boot="")
     return _marked(settings, replace(there.mark, stopped_by=StoppedBy.NO_USER), there, there.sharing)
 
 
 def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sharing: CoreSharing) -> Partition:
     """Return the partition with these settings; its mark says them, and the machine that is there."""
     machine = there.id if there else ""
-    live = there.settings.secure_boot if there else None
+    live = there.settings.secure_boot if there else ""
     return Partition(
         # Where it is not fixed, it is left as it is, and no part of what the mark says.
         settings=replace(settings, secure_boot=settings.secure_boot or live),

@@ -228,10 +228,10 @@ def _processors(group: Group, host: Host, reservations: ReservationSource) -> in
     return found.number if isinstance(answer, NotMeasured) else answer.processors or found.number
 
 
-def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int | None:
+def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int:
     """On Linux every limit below the whole host is a quota."""
     if host.provider is not ProviderKind.LINUX or (limit == OPEN and processors >= host.logical_processors):
-        return None
+        return 0
     return quota_period_us(shortest_apt_ms(group), limit * processors)
 
 
@@ -255,6 +255,6 @@ def _making(group: Group, host: Host) -> Making:
     )
 
 
-def _secure_boot(group: Group, host: Host) -> str | None:
+def _secure_boot(group: Group, host: Host) -> str:
     usual = host.settings.secure_boot if isinstance(host.settings, HypervHost) else None
-    return (group.request.hyperv.secure_boot or usual) if _generation(group, host) == 2 else None
+    return (group.request.hyperv.secure_boot or usual or "") if _generation(group, host) == 2 else ""

@@ -5,8 +5,9 @@ was there before is kept by the script itself, once, in the guest's own record; 
 """
 
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.facets import Reading
 from rarms_iac.model.operations import WriteTaskClass
-from rarms_iac.model.plan import GuestTask, Reading, Step, Undo, UndoLevel
+from rarms_iac.model.plan import GuestTask, Step, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
 from rarms_iac.powershell.literals import literal
 from rarms_iac.powershell.pieces import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls

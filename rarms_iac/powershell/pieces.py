@@ -11,10 +11,11 @@ from typing import assert_never
 
 from rarms_iac.model import operations
 from rarms_iac.model.changes import SLASH
+from rarms_iac.model.facets import FACETS, Facet, Reading, Readings
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.plan import Reading, Readings, Step
+from rarms_iac.model.plan import Step
 from rarms_iac.model.quantities import write_bytes
-from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, StopAction, ValueKind
+from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, ValueKind
 from rarms_iac.powershell.literals import Literal, NoLiteral, literal
 from rarms_iac.powershell.templates import VM, guarded
 from rarms_iac.storage.codec import encode
@@ -27,16 +28,7 @@ NO_EMPTY_KEYS: Readings = {"empty": False}
 """No key is left that holds nothing: a kill may have left one where nothing is to be."""
 
 _CLEARING = (operations.RemoveTaskClass, operations.EraseTaskRecord)
-_JOINING = (
-    operations.RenamePartition
-    | operations.WriteMark
-    | operations.EraseMark
-    | operations.SetProcessors
-    | operations.SetCpu
-    | operations.SetMemory
-    | operations.SetActions
-    | operations.SetSecureBoot
-)
+_JOINING = operations.RenamePartition | operations.WriteMark | operations.EraseMark | operations.Set
 
 _WRITE_MARK = "Write-Mark"
 _BLIND = ("Hyper-V\\", _WRITE_MARK)
@@ -53,8 +45,6 @@ VALUE = "value:"
 
 _TYPES = {ValueKind.DWORD: "DWord", ValueKind.SZ: "String", ValueKind.QWORD: "QWord"}
 """Of the kinds that are written; a plan that would have to bring back another is refused."""
-_START = {StartAction.NOTHING: "Nothing", StartAction.START_IF_RUNNING: "StartIfRunning", StartAction.START: "Start"}
-_STOP = {StopAction.TURN_OFF: "TurnOff", StopAction.SAVE: "Save", StopAction.SHUT_DOWN: "ShutDown"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,22 +248,8 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
             change = call("Hyper-V\\Remove-VM", **vm, Force="")
         case operations.RenamePartition(name=name):
             change = call("Hyper-V\\Rename-VM", **vm, NewName=literal(name))
-        case operations.SetProcessors(processors=count):
-            change = call("Hyper-V\\Set-VMProcessor", **vm, Count=literal(count))
-        case operations.SetCpu(reserve=reserve, limit=limit, weight=weight):
-            values = {"Reserve": literal(reserve), "Maximum": literal(limit), "RelativeWeight": literal(weight)}
-            change = call("Hyper-V\\Set-VMProcessor", **vm, **values)
-        case operations.SetMemory(memory=memory, dynamic=dynamic):
-            values = {"DynamicMemoryEnabled": literal(dynamic), "StartupBytes": literal(memory)}
-            change = call("Hyper-V\\Set-VMMemory", **vm, **values)
-        case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            values = {"AutomaticStartAction": literal(_START[start])} if start else {}
-            values |= {"AutomaticStopAction": literal(_STOP[stop])} if stop else {}
-            if checkpoints:
-                values["CheckpointType"] = literal("".join(word.title() for word in checkpoints.value.split("_")))
-            change = call("Hyper-V\\Set-VM", **vm, **values)
-        case operations.SetSecureBoot(secure_boot=secure_boot):
-            change = call("Hyper-V\\Set-VMFirmware", **vm, **_secure_boot(secure_boot))
+        case operations.Set(facet=facet, after=after):
+            change = _set_call(facet, after)
         case operations.StartPartition():
             change = call("Hyper-V\\Start-VM", **vm)
         case _:
@@ -344,15 +320,8 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
             piece("attach the disk", {"disks": 0}, {"disks": 1}, attach),
         ]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
-    static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(creation.memory)}
-    made.append(
-        piece(
-            f"memory static, {write_bytes(creation.memory)}",
-            {},
-            {"dynamic_memory": False, "memory": creation.memory},
-            call("Hyper-V\\Set-VMMemory", VM=VM, **static),
-        )
-    )
+    static: Readings = {"dynamic_memory": False, "memory": creation.memory}
+    made.append(piece(f"memory static, {write_bytes(creation.memory)}", {}, static, _set_call(Facet.MEMORY, static)))
     if not creation.switch:
         removal = call("Hyper-V\\Remove-VMNetworkAdapter", VM=VM)  # Hyper-V gives one to every new machine
         made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, removal))
@@ -371,8 +340,8 @@ def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str,
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
     """Boot from the disk: a machine that is made without one tries its network adapter first (windows.md 3)."""
-    values = _secure_boot(creation.secure_boot) if creation.secure_boot else {}
     after: Readings = {"secure_boot": creation.secure_boot} if creation.secure_boot else {}
+    values = _parameters(Facet.SECURE_BOOT, after)
     actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []
     if creation.image:
         values["FirstBootDevice"] = f"({call('Hyper-V' + SLASH + 'Get-VMHardDiskDrive', VM=VM)})"
@@ -381,10 +350,23 @@ def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Read
     return ", ".join(actions), {}, after, call("Hyper-V\\Set-VMFirmware", VM=VM, **values)
 
 
-def _secure_boot(secure_boot: str) -> dict[str, Literal]:
-    if secure_boot == SECURE_BOOT_OFF:
-        return {"EnableSecureBoot": literal("Off")}
-    return {"EnableSecureBoot": literal("On"), "SecureBootTemplate": literal(secure_boot)}
+def _set_call(facet: Facet, values: Readings) -> str:
+    return call(f"Hyper-V{SLASH}{FACETS[facet].cmdlet}", VM=VM, **_parameters(facet, values))
+
+
+def _parameters(facet: Facet, values: Readings) -> dict[str, Literal]:
+    """Return the parameters for these settings; an enumeration of Hyper-V has our word without underscores."""
+    if facet is Facet.SECURE_BOOT:
+        if values.get("secure_boot") == SECURE_BOOT_OFF:
+            return {"EnableSecureBoot": literal("Off")}
+        return (
+            {"EnableSecureBoot": literal("On"), "SecureBootTemplate": literal(values["secure_boot"])} if values else {}
+        )
+    given = {parameter: values[name] for name, parameter in FACETS[facet].parameters.items() if name in values}
+    return {
+        parameter: literal("".join(word.title() for word in value.split("_")) if isinstance(value, str) else value)
+        for parameter, value in given.items()
+    }
 
 
 def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:

@@ -11,12 +11,13 @@ from math import floor
 
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.journal import RunKind
+from rarms_iac.model.operation_effects import describe_stop, reversal
 from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Readings, Step, owner_of
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Step, owner_of
 from rarms_iac.model.state import Partition, Tie
-from rarms_iac.model.step_titles import describe_stop, reversal
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal

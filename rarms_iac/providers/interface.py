@@ -8,9 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRun
 from rarms_iac.model.operations import Operation
-from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import last_words

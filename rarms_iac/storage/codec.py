@@ -274,7 +274,11 @@ def _decode_dataclass(cls: type) -> Decode:
         if not parts:
             parts.update((field.name, decoder_of_field(cls.__name__, field.name, hint)) for field, hint in _hints(cls))
         given = _fields(data, path, required, parts.keys())
-        return cls(**{name: parts[name](value, _below(path, name)) for name, value in given.items()})
+        values = {name: parts[name](value, _below(path, name)) for name, value in given.items()}
+        try:
+            return cls(**values)
+        except ValueError as problem:  # of its `__post_init__`
+            raise NotDecodable(path, str(problem)) from problem
 
     return read
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from rarms_iac.model.changes import Address, Change, Update
-from rarms_iac.model.setting_texts import LABELS, setting_text
+from rarms_iac.model.facets import LABELS, setting_text, setting_values, settings_of
 from rarms_iac.model.state import (
     Partition,
     PartitionSettings,
@@ -20,7 +20,6 @@ from rarms_iac.model.state import (
     StoppedBy,
     TaskClass,
 )
-from rarms_iac.storage.codec import encode
 from rarms_iac.storage.json_text import digest, short
 
 
@@ -37,10 +36,11 @@ def set_of_settings(settings: PartitionSettings) -> str:
         The `set` of a mark: where the host's settings have another one, they were changed with another tool.
     """
     by_hand = settings.start_action is StartAction.NOTHING
-    values = encode(replace(settings, running=False) if by_hand else settings)
-    assert isinstance(values, dict), "settings are an object"
-    if settings.secure_boot is None:
-        del values["secure_boot"]
+    values = dict(setting_values(settings, settings_of(settings.generation)))
+    if by_hand:
+        values["running"] = False
+    if not settings.secure_boot:
+        values.pop("secure_boot", None)
     return short(digest(values))
 
 
@@ -52,7 +52,7 @@ def was_changed(there: Partition, *, by_hand: bool) -> bool:
     """
     assert there.mark is not None
     is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
-    unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
+    unfixed = replace(there, settings=replace(there.settings, secure_boot=""))
     digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
     return is_started or there.mark.set not in digests
 

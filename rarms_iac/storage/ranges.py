@@ -35,7 +35,6 @@ RANGES: Mapping[str, Range] = {
     "lower": ANY,
     "NamedValue.data": ANY,
     "processors": PROCESSORS,
-    "quota_period_us": AT_LEAST_ONE,
     "RegistryValue.data": ANY,
     "Series.cpu_ms": TIME,
     "Series.elapsed_ms": TIME,

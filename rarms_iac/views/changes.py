@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update, count
+from rarms_iac.model.facets import LABELS, NO_LIMIT, setting_text, settings_of
 from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors
-from rarms_iac.model.setting_texts import LABELS, NO_LIMIT, setting_text
-from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
+from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
 SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
@@ -122,15 +122,10 @@ def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
             assert_never(resource)
 
 
-_OF_MACHINES = tuple(field for field in LABELS if field != "quota_period_us")
-_OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memory", "start_action", "running")
-
-
 def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
-    fields = _OF_GROUPS if settings.generation == NO_GENERATION else _OF_MACHINES
     return {
         LABELS[field]: (setting_text(field, settings), _note(field, settings, facts))
-        for field in fields
+        for field in settings_of(settings.generation)
         if field != "secure_boot" or settings.secure_boot
     }
 

@@ -3,7 +3,7 @@
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.journal import RunKind, RunStarted
-from rarms_iac.model.operations import SetCpu, StopPartition
+from rarms_iac.model.operations import StopPartition, set_to
 from rarms_iac.model.plan import HostPlan, Step, Undo, UndoLevel
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption
@@ -17,7 +17,7 @@ def a_step(number: int) -> Step:
     return Step(
         address=VISION,
         title=f"step {number}",
-        operation=SetCpu(partition="vision", reserve=number, limit=100, weight=100),
+        operation=set_to("vision", reserve=number, limit=100, weight=100),
         before={"reserve": number + 1, "exists": True},
         after={"reserve": number},
         undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition="vision", grace_ms=120_000)),

@@ -22,16 +22,12 @@ from rarms_iac.model.operations import (
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
     StartPartition,
     StopPartition,
     WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
+    set_to,
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
@@ -104,9 +100,9 @@ def making(
     return [
         creation(name, memory),
         WriteMark(partition=name, application="robot", name=name, set="0" * 12),
-        SetProcessors(partition=name, processors=processors),
-        SetCpu(partition=name, reserve=reserve, limit=100, weight=100),
-        SetMemory(partition=name, memory=memory, dynamic=dynamic),
+        set_to(name, processors=processors),
+        set_to(name, reserve=reserve, limit=100, weight=100),
+        set_to(name, memory=memory, dynamic_memory=dynamic),
         RenamePartition(partition=name, name=name),
     ]
 
@@ -248,14 +244,14 @@ def test_task_class_readings_equal_observed_state(windows: Room) -> None:
 @pytest.mark.parametrize(
     ("operation", "expected"),
     [
-        (SetCpu(partition="vision", reserve=30, limit=90, weight=7), {"reserve": 30, "limit": 90, "weight": 7}),
-        (SetProcessors(partition="vision", processors=1), {"processors": 1}),
-        (SetMemory(partition="vision", memory=32 * MIB), {"memory": 32 * MIB}),
+        (set_to("vision", reserve=30, limit=90, weight=7), {"reserve": 30, "limit": 90, "weight": 7}),
+        (set_to("vision", processors=1), {"processors": 1}),
+        (set_to("vision", memory=32 * MIB), {"memory": 32 * MIB}),
         (
-            SetActions(
-                partition="vision",
-                start=StartAction.START,
-                stop=StopAction.SHUT_DOWN,
+            set_to(
+                "vision",
+                start_action=StartAction.START,
+                stop_action=StopAction.SHUT_DOWN,
                 checkpoints=Checkpoints.DISABLED,
             ),
             {"start_action": "start", "stop_action": "shut_down", "checkpoints": "disabled"},
@@ -289,8 +285,8 @@ def test_operation_does_what_it_says_and_nothing_else(
 @pytest.mark.parametrize(
     ("operation", "expected"),
     [
-        (SetMemory(partition="vision", memory=32 * MIB, dynamic=True), {"memory": 32 * MIB, "dynamic_memory": True}),
-        (SetSecureBoot(partition="vision", secure_boot="off"), {"secure_boot": "off"}),
+        (set_to("vision", memory=32 * MIB, dynamic_memory=True), {"memory": 32 * MIB, "dynamic_memory": True}),
+        (set_to("vision", secure_boot="off"), {"secure_boot": "off"}),
     ],
     ids=lambda value: value.kind if hasattr(value, "kind") else "",
 )
@@ -478,10 +474,10 @@ def test_marked_and_pending_machine_are_one_too_many(room: Room) -> None:
 @pytest.mark.parametrize(
     ("operation", "message"),
     [
-        (SetProcessors(partition="vision", processors=1), "its processor count can only change while it is off"),
-        (SetMemory(partition="vision", memory=512 * MIB, dynamic=True), "switching between static and dynamic memory"),
-        (SetActions(partition="vision", stop=StopAction.SAVE), "what the host does with it when it stops can only"),
-        (SetSecureBoot(partition="vision", secure_boot="off"), "secure boot can only change while it is off"),
+        (set_to("vision", processors=1), "its processors can only change while it is off"),
+        (set_to("vision", memory=512 * MIB, dynamic_memory=True), "switching between static and dynamic memory"),
+        (set_to("vision", stop_action=StopAction.SAVE), "its stop action can only change while it is off"),
+        (set_to("vision", secure_boot="off"), "secure boot can only change while it is off"),
         (RemovePartition(partition="vision"), "only a (machine|partition) that is off can be removed"),
     ],
 )
@@ -500,7 +496,7 @@ def test_the_startup_memory_of_a_running_dynamic_machine(windows: Room) -> None:
 
     assert re.search(
         "startup memory of a dynamic machine",
-        refusal_of(host, SetMemory(partition="vision", memory=256 * MIB, dynamic=True)),
+        refusal_of(host, set_to("vision", memory=256 * MIB, dynamic_memory=True)),
     )
 
 
@@ -518,7 +514,7 @@ def test_the_startup_memory_of_a_running_dynamic_machine(windows: Room) -> None:
 def test_the_memory_of_a_running_static_machine(windows: Room, described: dict[str, object], possible: bool) -> None:
     host = windows.host(**described)
     do(host, *making(), start())
-    operation = SetMemory(partition="vision", memory=256 * MIB)
+    operation = set_to("vision", memory=256 * MIB)
 
     if possible:
         do(host, operation)
@@ -531,18 +527,16 @@ def test_running_machine_does_not_grow_beyond_host(room: Room) -> None:
     room.furnish(*making(), start())
     host = room.host()
 
-    assert re.search(
-        "needs 8 GiB, and of 4 GiB 4 GiB are free", refusal_of(host, SetMemory(partition="vision", memory=8192 * MIB))
-    )
+    assert re.search("needs 8 GiB, and of 4 GiB 4 GiB are free", refusal_of(host, set_to("vision", memory=8192 * MIB)))
 
 
 @pytest.mark.parametrize(
     ("operation", "message"),
     [
-        (SetCpu(partition="vision", reserve=-1, limit=100, weight=100), "reserve and limit are 0 to 100 %"),
-        (SetCpu(partition="vision", reserve=0, limit=101, weight=100), "reserve and limit are 0 to 100 %"),
-        (SetCpu(partition="vision", reserve=0, limit=100, weight=0), "a weight is 1 to 10000"),
-        (SetCpu(partition="vision", reserve=0, limit=100, weight=10_001), "a weight is 1 to 10000"),
+        (set_to("vision", reserve=-1, limit=100, weight=100), "reserve and limit are 0 to 100 %"),
+        (set_to("vision", reserve=0, limit=101, weight=100), "reserve and limit are 0 to 100 %"),
+        (set_to("vision", reserve=0, limit=100, weight=0), "a weight is 1 to 10000"),
+        (set_to("vision", reserve=0, limit=100, weight=10_001), "a weight is 1 to 10000"),
         (RenamePartition(partition="vision", name=""), "a (machine|partition)'s name has 1 to 100 characters"),
     ],
 )
@@ -556,15 +550,15 @@ def test_what_no_machine_can_have(room: Room, operation: Operation, message: str
 @pytest.mark.parametrize(
     ("operation", "message"),
     [
-        (SetProcessors(partition="vision", processors=0), "has 1 to 240 virtual processors"),
-        (SetProcessors(partition="vision", processors=241), "has 1 to 240 virtual processors"),
+        (set_to("vision", processors=0), "has 1 to 240 virtual processors"),
+        (set_to("vision", processors=241), "has 1 to 240 virtual processors"),
         (
-            SetCpu(partition="vision", reserve=41, limit=40, weight=100),
+            set_to("vision", reserve=41, limit=40, weight=100),
             "the reserve of 41 % is above the limit of 40 %",
         ),
-        (SetMemory(partition="vision", memory=0), "at least 32 MiB, not 0 B"),
+        (set_to("vision", memory=0), "at least 32 MiB, not 0 B"),
         (
-            SetMemory(partition="vision", memory=33 * MIB),
+            set_to("vision", memory=33 * MIB),
             "a machine has an even number of MiB, at least 32 MiB, not 33 MiB",
         ),
         (CreatePartition(partition="x", generation=3, memory=32 * MIB), "there is no generation 3"),
@@ -609,8 +603,8 @@ def test_too_much_reserve_is_only_noticed_at_start(room: Room) -> None:
         refusal_of(host, start("speech")),
     )
 
-    do(host, SetCpu(partition="speech", reserve=40, limit=100, weight=100), start("speech"))
-    do(host, SetCpu(partition="speech", reserve=100, limit=100, weight=100))
+    do(host, set_to("speech", reserve=40, limit=100, weight=100), start("speech"))
+    do(host, set_to("speech", reserve=100, limit=100, weight=100))
 
 
 def test_reserves_are_placed_whole_onto_processors(windows: Room) -> None:
@@ -630,7 +624,7 @@ def test_too_many_processors_start_only_without_reserve(room: Room) -> None:
         "3 (virtual )?processors with a reserve, and (there are|the host has) 2", refusal_of(host, start())
     )
 
-    do(host, SetCpu(partition="vision", reserve=0, limit=100, weight=100), start())
+    do(host, set_to("vision", reserve=0, limit=100, weight=100), start())
 
 
 def test_missing_memory_is_noticed_at_start(room: Room) -> None:
@@ -768,9 +762,9 @@ def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> 
     host.save(host.load().with_machine(machine.now(state)))
 
     assert host.read(VISION, SCOPE)["state"] == state.value
-    for operation in (SetProcessors(partition="vision", processors=1), SetMemory(partition="vision", memory=32 * MIB)):
+    for operation in (set_to("vision", processors=1), set_to("vision", memory=32 * MIB)):
         assert re.search(f"is {state.value}, and .* while it is off", refusal_of(host, operation))
-    cpu = SetCpu(partition="vision", reserve=10, limit=20, weight=30)
+    cpu = set_to("vision", reserve=10, limit=20, weight=30)
     if state is RunState.SAVED:
         assert re.search("is saved, and its reserve can only change while it is off", refusal_of(host, cpu))
     else:
@@ -850,6 +844,6 @@ def test_an_overcommitted_host_still_lets_a_machine_shrink(tmp_path: Path) -> No
     do(simulated(tmp_path), *making("vision", memory=3072 * MIB), start())
     shrunk = SimulatedHostProvider(builders.a_host(memory="1 GiB"), tmp_path / ".rarms/hosts/onboard.json")
 
-    do(shrunk, SetMemory(partition="vision", memory=2048 * MIB))
+    do(shrunk, set_to("vision", memory=2048 * MIB))
 
     assert shrunk.read(VISION, SCOPE)["memory"] == 2048 * MIB

@@ -10,16 +10,7 @@ import pytest
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.host import LinuxHost, ProviderKind
-from rarms_iac.model.operations import (
-    CreatePartition,
-    RenamePartition,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
-    StartPartition,
-    WriteMark,
-)
+from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPartition, WriteMark, set_to
 from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -44,8 +35,8 @@ def host(tmp_path: Path) -> Iterator[LinuxHostProvider]:
         for operation in (
             CreatePartition(partition="vision", generation=0, memory=64 * MIB),
             WriteMark(partition="vision", application="robot", name="vision", set="0" * 12),
-            SetProcessors(partition="vision", processors=2),
-            SetCpu(partition="vision", reserve=40, limit=100, weight=100),
+            set_to("vision", processors=2),
+            set_to("vision", reserve=40, limit=100, weight=100),
             RenamePartition(partition="vision", name="vision"),
             StartPartition(partition="vision"),
         ):
@@ -79,7 +70,7 @@ def test_a_value_that_another_tool_wrote_is_seen(
     by_hand(tmp_path, file, text)
 
     assert host.read(VISION, SCOPE) == {**before, **expected}
-    host.execute(SetCpu(partition="vision", reserve=40, limit=100, weight=100), SCOPE)
+    host.execute(set_to("vision", reserve=40, limit=100, weight=100), SCOPE)
     assert host.read(VISION, SCOPE) == before
 
 
@@ -124,16 +115,16 @@ def test_memory_the_kernel_keeps_is_refused(host: LinuxHostProvider, monkeypatch
     monkeypatch.setattr(type(host.tree), "write", refuse_once)
 
     with pytest.raises(HostRefused, match="the kernel refuses: Device or resource busy"):
-        host.execute(SetMemory(partition="vision", memory=32 * MIB), SCOPE)
+        host.execute(set_to("vision", memory=32 * MIB), SCOPE)
 
     assert host.read(VISION, SCOPE) == before
 
 
 def test_what_control_groups_do_not_have_is_refused(host: LinuxHostProvider) -> None:
     with pytest.raises(HostRefused, match="a control group cannot do this"):
-        host.execute(SetSecureBoot(partition="vision", secure_boot="off"), SCOPE)
+        host.execute(set_to("vision", secure_boot="off"), SCOPE)
     with pytest.raises(HostRefused, match="no dynamic memory"):
-        host.execute(SetMemory(partition="vision", memory=32 * MIB, dynamic=True), SCOPE)
+        host.execute(set_to("vision", memory=32 * MIB, dynamic_memory=True), SCOPE)
 
 
 def test_what_others_may_write_is_not_believed(host: LinuxHostProvider, tmp_path: Path) -> None:
@@ -206,7 +197,7 @@ def test_unwritten_definition_is_read_or_refused(host: LinuxHostProvider, tmp_pa
             with suppress(ValueError, TypeError):  # JSON has no such value
                 file.write_text(json.dumps(changed(document, path, value)), encoding="utf-8")
             with in_time(), suppress(HostDamaged, HostFailed, HostRefused), host.lock("ann@lab"):
-                host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
+                host.execute(set_to("vision", reserve=40, limit=90, weight=100), SCOPE)
 
     file.write_text(json.dumps({**document, "settings": {}}), encoding="utf-8")
     with pytest.raises(HostDamaged):
@@ -226,8 +217,8 @@ def test_odd_kernel_files_are_the_hosts_failure(
     def use() -> None:
         with host.lock("ann@lab"):
             host.examined("robot")
-            host.execute(SetCpu(partition="vision", reserve=40, limit=90, weight=100), SCOPE)
-            host.execute(SetMemory(partition="vision", memory=64 * MIB), SCOPE)
+            host.execute(set_to("vision", reserve=40, limit=90, weight=100), SCOPE)
+            host.execute(set_to("vision", memory=64 * MIB), SCOPE)
 
     monkeypatch.setattr(host, "_described_facts", None)  # the machine's own files, too
     monkeypatch.setattr(LinuxEffects, "read", read)

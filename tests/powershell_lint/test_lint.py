@@ -6,7 +6,7 @@ from typing import get_args
 import pytest
 
 from rarms_iac.model.changes import Address, Change, Create
-from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, SetSecureBoot, WriteTaskClass
+from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, WriteTaskClass, set_to
 from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
@@ -33,7 +33,7 @@ def filled_plan() -> HostPlan:
             before={"exists": True, "value:Clock Rate": "dword:10000"},
         ),
         build.step(machine, operation=RemoveDisk(partition="vision", path="D:\\v.vhdx", parent="D:\\p.vhdx")),
-        build.step(machine, operation=SetSecureBoot(partition="vision", secure_boot="MicrosoftWindows")),
+        build.step(machine, operation=set_to("vision", secure_boot="MicrosoftWindows")),
     )
     guest = GuestTask(partition="planning", name="MotionControl", values=values, set="c" * 12, replace=True)
     return replace(host_plan, steps=(*host_plan.steps, *more), guest_tasks=(guest,))

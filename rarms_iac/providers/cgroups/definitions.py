@@ -11,17 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.model.operation_effects import applied
-from rarms_iac.model.operations import (
-    CreatePartition,
-    EraseMark,
-    RenamePartition,
-    RestorePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    WriteMark,
-)
+from rarms_iac.model.operations import CreatePartition, EraseMark, RenamePartition, RestorePartition, Set, WriteMark
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import (
     NO_GENERATION,
@@ -106,7 +96,7 @@ def _others_running(machine: str, state: State) -> list[Partition]:
 
 
 Format = Literal["rarms-partition/1"]
-SettingOperation = SetProcessors | SetCpu | SetMemory | SetActions | RenamePartition | WriteMark | EraseMark
+SettingOperation = Set | RenamePartition | WriteMark | EraseMark
 """Operations that change a definition."""
 
 

@@ -133,10 +133,10 @@ def _processors(settings: PartitionSettings, group: RunningGroup, processors: in
     return of_set
 
 
-def _period(settings: PartitionSettings, group: RunningGroup) -> int | None:
+def _period(settings: PartitionSettings, group: RunningGroup) -> int:
     actual, wanted = group.actual, group.wanted
     if actual.quota_percent is None:
-        return None
+        return 0
     as_wanted = wanted is not None and wanted.quota_percent is not None and wanted.period_us == actual.period_us
     return settings.quota_period_us if as_wanted else actual.period_us
 

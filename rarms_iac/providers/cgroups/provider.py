@@ -8,6 +8,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import DOCTOR, PLAN, Wording, prose
+from rarms_iac.model.facets import FACETS, Facet, Readings
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.operations import (
@@ -16,16 +17,12 @@ from rarms_iac.model.operations import (
     RemoveDisk,
     RemovePartition,
     RestorePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
+    Set,
     StartPartition,
     StopPartition,
     TaskOperation,
 )
-from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.model.wording import reason_of
@@ -250,7 +247,7 @@ class LinuxHostProvider(JournaledHost):
                 self._create(operation, state, scope)
             case RestorePartition():
                 self._make_again(operation, state, scope)
-            case RemoveDisk() | SetSecureBoot():
+            case RemoveDisk() | Set(facet=Facet.SECURE_BOOT):
                 raise self._plan_again(f"a control group cannot do this: {operation}")
             case _ if isinstance(operation, TaskOperation):
                 raise self._plan_again(
@@ -295,14 +292,15 @@ class LinuxHostProvider(JournaledHost):
             case _:
                 after = changed(definition, operation)
                 problem = out_of_range(after.settings)
-                if isinstance(operation, SetMemory) and self._runs(definition):
+                facet = operation.facet if isinstance(operation, Set) else None
+                if facet is Facet.MEMORY and self._runs(definition):
                     problem = problem or lack_of_memory(after.settings, definition.id, state)
                 if problem:
                     raise self._plan_again(f"{definition.settings.name}: {problem}")
-                if isinstance(operation, SetProcessors | SetCpu | SetMemory) and self._runs(definition):
+                if facet and FACETS[facet].in_group and self._runs(definition):
                     self._redefine(definition, after)
                 else:
-                    if isinstance(operation, SetActions):
+                    if facet is Facet.ACTIONS:
                         self._start_with_machine(after)
                     self._definitions.save(after)
 

@@ -233,7 +233,7 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
     marked = with_marks(
         (
             replace(
-                _partition(machine, facts, secure_boot.get(machine.id)),
+                _partition(machine, facts, secure_boot.get(machine.id, "")),
                 guest_build=builds.get(machine.id, 0),
                 can_be_asked=machine.id not in mute,
                 cpu_group=groups.get(machine.id, ""),
@@ -378,7 +378,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: ObservedMachine, facts: HostFacts, secure_boot: str | None) -> Partition:
+def _partition(machine: ObservedMachine, facts: HostFacts, secure_boot: str) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,

@@ -249,7 +249,7 @@ def new_settings(operation: operations.CreatePartition, scope: Scope) -> Partiti
         stop_action=StopAction.SAVE,
         checkpoints=Checkpoints.PRODUCTION,
         running=False,
-        secure_boot=(operation.secure_boot or "MicrosoftWindows") if operation.generation == 2 else None,
+        secure_boot=(operation.secure_boot or "MicrosoftWindows") if operation.generation == 2 else "",
     )
 
 

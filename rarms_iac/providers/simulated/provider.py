@@ -8,6 +8,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import PLAN, prose
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Fault, FaultEffect, Host
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -16,8 +17,9 @@ from rarms_iac.model.operations import (
     RemoveDisk,
     RestorePartition,
     TaskOperation,
+    call_name,
 )
-from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
@@ -108,12 +110,16 @@ class SimulatedHostProvider(JournaledHost):
         name, effect = fault[0], fault[1].effect
         if effect is FaultEffect.REFUSE:
             self.save(_with_strike(before, name))
-            raise HostRefused(self.name, f"the fault {name} refuses {operation.kind}", "Take it out of the manifest.")
+            raise HostRefused(
+                self.name, f"the fault {name} refuses {call_name(operation)}", "Take it out of the manifest."
+            )
         self.save(_with_strike(after, name))
         if effect is FaultEffect.LATE:
             self._sleep(float(fault[1].delay) / 1000)
             return
-        raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "Take it out of the manifest.")
+        raise HostFailed(
+            self.name, f"the fault {name} makes {call_name(operation)} fail", "Take it out of the manifest."
+        )
 
     def load(self) -> Content:
         """Read what is on the host; an empty machine where there is no file.
@@ -205,7 +211,7 @@ class SimulatedHostProvider(JournaledHost):
         address = str(address_of(operation)).lower()
         for name, fault in description(self._host).faults.items():
             spent = fault.times is not None and content.struck.get(name, 0) >= fault.times
-            if fault.operation == operation.kind and fault.at.lower() in {"*", address} and not spent:
+            if fault.operation == call_name(operation) and fault.at.lower() in {"*", address} and not spent:
                 return name, fault
         return None
 

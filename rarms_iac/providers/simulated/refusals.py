@@ -6,6 +6,7 @@ from fractions import Fraction
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model.capacity import Capacity, core_sharing, decide_packing
 from rarms_iac.model.commands import PLAN, Wording, prose
+from rarms_iac.model.facets import LABELS, Facet
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import applied
@@ -17,11 +18,7 @@ from rarms_iac.model.operations import (
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
+    Set,
     StartPartition,
     StopPartition,
     TaskOperation,
@@ -71,22 +68,10 @@ def refuse_change(
 ) -> None:
     """Refuse what cannot be done to this machine now."""
     match operation:
-        case SetProcessors():
-            _refuse_running(machine, "its processor count")
+        case Set():
+            _refuse_setting(operation, machine, content, facts, guest_build)
+        case RenamePartition():
             _refuse_settings(applied(machine.settings, operation))
-        case SetCpu() if machine.state is RunState.SAVED:
-            _refuse_running(machine, "its reserve")
-        case SetCpu() | RenamePartition():
-            _refuse_settings(applied(machine.settings, operation))
-        case SetMemory():
-            _refuse_memory(operation, machine, content, facts, guest_build)
-        case SetActions(stop=stop) if stop:
-            _refuse_running(machine, "what the host does with it when it stops")
-        case SetSecureBoot() if machine.settings.generation == 1:
-            name = machine.settings.name
-            raise Refusal(f"{name} is of generation 1, which has no secure boot", "Make it again.")
-        case SetSecureBoot():
-            _refuse_running(machine, "secure boot")
         case StartPartition():
             _refuse_start(machine, content, facts)
         case StopPartition() if machine.state is RunState.BUSY:
@@ -96,6 +81,22 @@ def refuse_change(
             raise Refusal(f"{state}, and only a machine that is off can be removed", "Stop it first.")
         case _:
             pass
+
+
+def _refuse_setting(
+    operation: Set, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
+) -> None:
+    settings = machine.settings
+    if operation.facet is Facet.SECURE_BOOT and settings.generation == 1:
+        raise Refusal(f"{settings.name} is of generation 1, which has no secure boot", "Make it again.")
+    if operation.facet is Facet.MEMORY:
+        _refuse_memory(operation, machine, content, facts, guest_build)
+        return
+    for setting in sorted(operation.row.while_off & operation.after.keys()):
+        _refuse_running(machine, f"its {LABELS[setting]}")
+    if operation.facet is Facet.CPU and machine.state is RunState.SAVED:
+        _refuse_running(machine, "its reserve")
+    _refuse_settings(applied(settings, operation))
 
 
 def refuse_task_change(registry: Registry, operation: TaskOperation) -> None:
@@ -160,14 +161,14 @@ def _refuse_settings(settings: PartitionSettings) -> None:
 
 
 def _refuse_memory(
-    operation: SetMemory, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
+    operation: Set, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
 ) -> None:
     settings = machine.settings
     wanted = applied(settings, operation)
     if wanted == settings:
         return
     _refuse_settings(wanted)
-    if operation.dynamic != settings.dynamic_memory:
+    if wanted.dynamic_memory != settings.dynamic_memory:
         _refuse_running(machine, "switching between static and dynamic memory")
     elif settings.dynamic_memory:
         _refuse_running(machine, "the startup memory of a dynamic machine")

@@ -1,9 +1,9 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2d15e8f6970a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 43eafdc5e6d6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
-    vision  mark it as robot/vision, set 5589b435a34d
+    vision  mark it as robot/vision, set 0a9aee4ba82c
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Write-Mark 1.
 .PARAMETER AsJson
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 21fd64a75646b92511cdfe3263e9d046b7b100bd86e653794b7e9aff44cfec75, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 137f40734a51858edaa1f14cf3637b08ee1b4acc63312e6861fdd2191a4e45df, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,14 +37,14 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2d15e8f6970a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '21fd64a75646b92511cdfe3263e9d046b7b100bd86e653794b7e9aff44cfec75'
+        Run = 'apply'; Plan = '43eafdc5e6d6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '137f40734a51858edaa1f14cf3637b08ee1b4acc63312e6861fdd2191a4e45df'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: rarms import (rarms.yaml:12:3) ===================================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '0badcafe-1111-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/vision, set 5589b435a34d' -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/vision'; set = '5589b435a34d' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 0a9aee4ba82c' -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 2d15e8f6970a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 43eafdc5e6d6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  erase the mark
@@ -37,13 +37,13 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '2d15e8f6970a'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = '43eafdc5e6d6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '0badcafe-1111-4000-8000-000000000001' }
-    Add-Step -Action 'erase the mark' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '5589b435a34d' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
+    Add-Step -Action 'erase the mark' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')

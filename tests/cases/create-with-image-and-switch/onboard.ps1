@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1fe536215fb6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan f45445d1a1e1 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                memory  disk                                                                  switch  secure boot  start
-    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-1fe536215fb6.vhdx from D:\images\base.vhdx  lab     as made      start
+    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-f45445d1a1e1.vhdx from D:\images\base.vhdx  lab     as made      start
     Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: vision: what was written on the disk made from D:\images\base.vhdx goes with it
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 3aaded40857eda12a3a6b5f277f42bd8ada8e639ef1464ac43894ef1e55b2c0c, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 62a513195347c754c06f5247ff75c236a3a7ad52a17337ac5be14579bcfec064, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1fe536215fb6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3aaded40857eda12a3a6b5f277f42bd8ada8e639ef1464ac43894ef1e55b2c0c'
+        Run = 'apply'; Plan = 'f45445d1a1e1'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '62a513195347c754c06f5247ff75c236a3a7ad52a17337ac5be14579bcfec064'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,25 +49,25 @@ $plan = {
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-1fe536215fb6' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+        Hyper-V\New-VM -Name 'vision.rarms-f45445d1a1e1' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-1fe536215fb6.vhdx' -Parent 'D:\images\base.vhdx' }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' -Parent 'D:\images\base.vhdx' }
     Add-Step -Action 'make a disk that grows out of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
     } -Set {
         Add-Folder -Path 'D:\machines\vision'
-        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-1fe536215fb6.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
+        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
     }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
-        memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; set = '28cc232b41a1'; start_action = 'start'; state = 'off'
+        memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
-        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-1fe536215fb6.vhdx' }
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
-        Move-NewPartition -From 'D:\machines\vision.rarms-1fe536215fb6' -To 'D:\machines\vision'
+        Move-NewPartition -From 'D:\machines\vision.rarms-f45445d1a1e1' -To 'D:\machines\vision'
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1fe536215fb6 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan f45445d1a1e1 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
     name    what is done      off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1fe536215fb6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Plan = 'f45445d1a1e1'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -48,19 +48,19 @@ $plan = {
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 3 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-1fe536215fb6.vhdx' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-f45445d1a1e1.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-1fe536215fb6.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that grows out of D:\images\base.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-DiskFile -Path 'D:\machines\vision\vision-1fe536215fb6.vhdx' }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-1fe536215fb6' -To 'D:\machines\vision' }
+    } -Set { Remove-DiskFile -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-f45445d1a1e1' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its folders, where they are empty' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From 'D:\machines\vision.rarms-1fe536215fb6' -To 'D:\machines\vision'
+        Remove-PartitionFolder -From 'D:\machines\vision.rarms-f45445d1a1e1' -To 'D:\machines\vision'
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.

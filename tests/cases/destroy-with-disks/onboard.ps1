@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b70b78bf28a3 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 933c70374a93 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        what is done                                                       off
@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 48e299e0a9bf05389ee85c6353aa5f249abc2cefb4aeb5414b8239de7f64cf96, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo be97e7469579b4e7426945a05a3fc3abdaa20440fc858a2375c1f9f458134531, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b70b78bf28a3'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '48e299e0a9bf05389ee85c6353aa5f249abc2cefb4aeb5414b8239de7f64cf96'
+        Run = 'apply'; Plan = '933c70374a93'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'be97e7469579b4e7426945a05a3fc3abdaa20440fc858a2375c1f9f458134531'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 44e8198ceaac of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 973cb0225748 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 0e6287d7a893e1c19a60cf669f5a6710db5e90625fc3706f143c0a503b32d8b9, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo cb82f5cb42f8d020b51eece089bf307ffc2264fc7c2eeb027188610e92c059fe, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,17 +37,17 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '44e8198ceaac'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0e6287d7a893e1c19a60cf669f5a6710db5e90625fc3706f143c0a503b32d8b9'
+        Run = 'apply'; Plan = '973cb0225748'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb82f5cb42f8d020b51eece089bf307ffc2264fc7c2eeb027188610e92c059fe'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === speech: the host differs from the manifest in memory (rarms.yaml:13:3) ===================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'memory 512 MiB -> 1 GiB' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Same @{ dynamic_memory = $false; mark = 'robot/speech' } -Before @{
-        memory = 536870912; set = '9318451c660e'
+        memory = 536870912; set = '63f8fd0cdc73'
     } -After @{
-        memory = 1073741824; set = '2c6d7af35b8b'
+        memory = 1073741824; set = 'cf356994122a'
     } -Set {
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'set') { Write-Mark }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 44e8198ceaac of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 973cb0225748 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 1 GiB -> 512 MiB
@@ -37,16 +37,16 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '44e8198ceaac'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '973cb0225748'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'memory 1 GiB -> 512 MiB' -Undoes 0 -Same @{ dynamic_memory = $false; mark = 'robot/speech' } -Before @{
-        memory = 1073741824; set = '2c6d7af35b8b'
+        memory = 1073741824; set = 'cf356994122a'
     } -After @{
-        memory = 536870912; set = '9318451c660e'
+        memory = 536870912; set = '63f8fd0cdc73'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }

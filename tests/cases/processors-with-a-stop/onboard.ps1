@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 96d3a55a9632 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 3e3da81e6db7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                                                                                                        off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 1da239a4cbc3c34a75e30784c35db6a47c84a79a5c592821c5f9df8e3bc4af91, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 0f25911f29ed0c3c044336f0bc48f11577376984697d4f8b9adda679e28e8c81, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '96d3a55a9632'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1da239a4cbc3c34a75e30784c35db6a47c84a79a5c592821c5f9df8e3bc4af91'
+        Run = 'apply'; Plan = '3e3da81e6db7'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '0f25911f29ed0c3c044336f0bc48f11577376984697d4f8b9adda679e28e8c81'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,9 +50,9 @@ $plan = {
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2' -Same @{ limit = 100; mark = 'robot/speech'; state = 'off'; weight = 100 } -Before @{
-        processors = 1; reserve = 40; set = '9318451c660e'
+        processors = 1; reserve = 40; set = '63f8fd0cdc73'
     } -After @{
-        processors = 2; reserve = 20; set = '9574858e36ae'
+        processors = 2; reserve = 20; set = '7c08b2c3712c'
     } -Set {
         if (Test-Open -Name 'reserve', 'processors') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2 }
         if (Test-Open -Name 'set') { Write-Mark }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 96d3a55a9632 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 3e3da81e6db7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                                                                                                        off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '96d3a55a9632'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = '3e3da81e6db7'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -49,9 +49,9 @@ $plan = {
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'processors 2 -> 1; reserve 0.4 -> 0.4 LP (20 % of each of 2 processors -> 40 % of its processor)' -Undoes 1 -Same @{ limit = 100; mark = 'robot/speech'; state = 'off'; weight = 100 } -Before @{
-        processors = 2; reserve = 20; set = '9574858e36ae'
+        processors = 2; reserve = 20; set = '7c08b2c3712c'
     } -After @{
-        processors = 1; reserve = 40; set = '9318451c660e'
+        processors = 1; reserve = 40; set = '63f8fd0cdc73'
     } -Set {
         if (Test-Open -Name 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 40 -Maximum 100 -RelativeWeight 100 }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fce454ed1e52 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan bb5e99a64f6e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name speech -> voice
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 3f04c55273758e1fe978b919006975ecc9e487135707cf262934b3877afe925e, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 9c5a0fcd8d33f198bfe17e3f1eb3d748175fe9544b27c9770a48e2535d06d988, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,17 +37,17 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fce454ed1e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3f04c55273758e1fe978b919006975ecc9e487135707cf262934b3877afe925e'
+        Run = 'apply'; Plan = 'bb5e99a64f6e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9c5a0fcd8d33f198bfe17e3f1eb3d748175fe9544b27c9770a48e2535d06d988'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === voice: the host differs from the manifest in name (rarms.yaml:13:3) ======================
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/voice, set 9318451c660e; name speech -> voice' -Before @{
-        mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'
+    Add-Step -Action 'mark it as robot/voice, set 63f8fd0cdc73; name speech -> voice' -Before @{
+        mark = 'robot/speech'; name = 'speech'; set = '63f8fd0cdc73'
     } -After @{
-        mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
+        mark = 'robot/voice'; name = 'voice'; set = '7e36d19fd4be'
     } -Set {
         if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'voice' }
         if (Test-Open -Name 'set') { Write-Mark }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fce454ed1e52 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan bb5e99a64f6e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name voice -> speech
@@ -37,16 +37,16 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'fce454ed1e52'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = 'bb5e99a64f6e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === voice: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) =
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'name voice -> speech; mark it as robot/speech, set 9318451c660e' -Undoes 0 -Before @{
-        mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
+    Add-Step -Action 'name voice -> speech; mark it as robot/speech, set 63f8fd0cdc73' -Undoes 0 -Before @{
+        mark = 'robot/voice'; name = 'voice'; set = '7e36d19fd4be'
     } -After @{
-        mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'
+        mark = 'robot/speech'; name = 'speech'; set = '63f8fd0cdc73'
     } -Set {
         if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
         if (Test-Open -Name 'mark') { Write-Mark }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7b6c8e9fe76a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan ac22dfd0bd03 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     name    what is done
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 621f2e82aa4b4c5fd7fc68427a27696ab9174b58af2ae1d0819dfec615626b7a, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 3ff9dbee4bcc869c66357074a5e14ae4d25c4e437c0b55624cec0f46edec35d7, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -39,17 +39,17 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7b6c8e9fe76a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '621f2e82aa4b4c5fd7fc68427a27696ab9174b58af2ae1d0819dfec615626b7a'
+        Run = 'apply'; Plan = 'ac22dfd0bd03'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3ff9dbee4bcc869c66357074a5e14ae4d25c4e437c0b55624cec0f46edec35d7'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === vision: the host differs from the manifest in reserve (rarms.yaml:12:3) ==================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)' -Same @{ limit = 100; mark = 'robot/vision'; weight = 100 } -Before @{
-        reserve = 60; set = 'a68c426474c6'
+        reserve = 60; set = '46c38a6e16e6'
     } -After @{
-        reserve = 20; set = '2a25f044217c'
+        reserve = 20; set = '846e6d0b17bd'
     } -Set {
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'set') { Write-Mark }
@@ -58,9 +58,9 @@ $plan = {
     # === speech: the host differs from the manifest in reserve (rarms.yaml:13:3) ==================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Same @{ limit = 100; mark = 'robot/speech'; weight = 100 } -Before @{
-        reserve = 20; set = '9a283df8dc93'
+        reserve = 20; set = 'ebd07b94427f'
     } -After @{
-        reserve = 60; set = 'c959e400da4b'
+        reserve = 60; set = '74f4c70798be'
     } -Set {
         if (Test-Open -Name 'reserve') { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'set') { Write-Mark }

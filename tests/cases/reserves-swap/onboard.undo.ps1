@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 7b6c8e9fe76a of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan ac22dfd0bd03 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     name    what is done
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '7b6c8e9fe76a'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Plan = 'ac22dfd0bd03'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -47,10 +47,10 @@ $plan = {
     $rows = @(
         @{ Address = 'partition/speech'; Machine = '00000001-5ade-4000-8000-000000000001'
             Action = 'reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)'; Undoes = 1; Mark = 'robot/speech'; Reserve = 60
-            Set = 'c959e400da4b'; NewReserve = 20; NewSet = '9a283df8dc93' } # rarms.yaml:13:3
+            Set = '74f4c70798be'; NewReserve = 20; NewSet = 'ebd07b94427f' } # rarms.yaml:13:3
         @{ Address = 'partition/vision'; Machine = '00000002-5ade-4000-8000-000000000002'
             Action = 'reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)'; Undoes = 0; Mark = 'robot/vision'; Reserve = 20
-            Set = '2a25f044217c'; NewReserve = 60; NewSet = 'a68c426474c6' } # rarms.yaml:12:3
+            Set = '846e6d0b17bd'; NewReserve = 60; NewSet = '46c38a6e16e6' } # rarms.yaml:12:3
     )
     foreach ($row in $rows) {
         Use-Target -Address $row.Address -Row $row -Read { Get-PartitionReading -Machine $script:Row.Machine }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1b7a33a235c8 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan fb76b029aac5 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  write the class MotionControl, and keep what was there before
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 6113e9b143780a64fbbf1686ab3bba23aded008186ef8e2e117c3b60eae04f08, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 6328d00c1b8625bef6357060d1a2403e5da75afa5b6f75629c86fc8afd4077c2, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1b7a33a235c8'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '6113e9b143780a64fbbf1686ab3bba23aded008186ef8e2e117c3b60eae04f08'
+        Run = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '6328d00c1b8625bef6357060d1a2403e5da75afa5b6f75629c86fc8afd4077c2'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1b7a33a235c8 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan fb76b029aac5 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  bring back what MotionControl was before rarms
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1b7a33a235c8'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Run = 'undo'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

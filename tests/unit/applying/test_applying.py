@@ -11,7 +11,7 @@ from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon, steps_undone
 from rarms_iac.model.host import Fault, FaultEffect, SimulatedHost
 from rarms_iac.model.journal import StepStatus
-from rarms_iac.model.operations import SetCpu
+from rarms_iac.model.operations import set_to
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
 from tests.builders import ORIGIN, a_component, a_host, a_system, codes, the_delivery_robot
@@ -38,7 +38,7 @@ def with_reserve(lab: Lab, reserve: str) -> Lab:
 
 
 def another_tool_sets_the_reserve(lab: Lab, reserve: int) -> None:
-    lab.hosts["onboard"].execute(SetCpu(partition="vision", reserve=reserve, limit=100, weight=100), OURS)
+    lab.hosts["onboard"].execute(set_to("vision", reserve=reserve, limit=100, weight=100), OURS)
 
 
 def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
@@ -164,7 +164,7 @@ def test_all_hosts_are_looked_at_before_first_step() -> None:
             components=[replace(vision, memory=Bytes(vision.memory * 2)), replace(other, memory=Bytes(2**28))],
         )
         plan = lab.wanting(less).plan()
-        lab.hosts["base"].execute(SetCpu(partition="speech", reserve=5, limit=100, weight=100), OURS)
+        lab.hosts["base"].execute(set_to("speech", reserve=5, limit=100, weight=100), OURS)
         before = lab.observe()
 
         report = lab.apply(plan)

@@ -8,7 +8,7 @@ from rarms_iac.diff.steps import PlannedChange
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.operations import SetCpu, SetMemory
+from rarms_iac.model.operations import call_name, set_to
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
@@ -75,9 +75,9 @@ def step(partition: Partition, before: Claim, after: Claim) -> Step:
     """A step that changes the reserve or else the memory, with these claims."""
     name = partition.settings.name
     operation = (
-        SetCpu(partition=name, reserve=after.reserve, limit=100, weight=100, machine=partition.id)
+        set_to(name, reserve=after.reserve, limit=100, weight=100, machine=partition.id)
         if before.reserve != after.reserve
-        else SetMemory(partition=name, memory=after.memory, machine=partition.id)
+        else set_to(name, memory=after.memory, machine=partition.id)
     )
     return Step(
         address=Address(partition=name, machine=partition.id),
@@ -127,7 +127,7 @@ def test_least_critical_stops_when_no_order_fits() -> None:
 
     assert isinstance(found, OrderedSteps)
     assert found.stopped == ("speech",)
-    assert [(step.address.partition, step.operation.kind) for step in found.steps] == [
+    assert [(step.address.partition, call_name(step.operation)) for step in found.steps] == [
         ("speech", "stop_partition"),
         ("vision", "set_memory"),
         ("vision", "set_cpu"),

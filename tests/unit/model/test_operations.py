@@ -6,25 +6,23 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.model.operation_effects import applied, partition_after, reverse
+from rarms_iac.model.facets import Facet, setting_values
+from rarms_iac.model.operation_effects import applied, partition_after, reversal, reverse
 from rarms_iac.model.operations import (
     EraseMark,
     MachineOperation,
     RemovePartition,
     RenamePartition,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    SetSecureBoot,
+    Set,
     StartPartition,
     StopPartition,
     WriteMark,
+    set_to,
 )
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Checkpoints, Mark, PartitionSettings, RunState, StartAction, StopAction, StoppedBy
-from rarms_iac.model.step_titles import reversal
 from rarms_iac.powershell.render import render_scripts
+from rarms_iac.storage.codec import NotDecodable, decode
 from tests import builders_plan as build
 from tests.unit.powershell.plans import marked, rendered_plan
 
@@ -34,18 +32,18 @@ OLD = replace(NEW, name="eyes", set="1" * 12, stopped_by=StoppedBy.NO_USER)
 
 SETTINGS: tuple[tuple[MachineOperation, dict[str, Any]], ...] = (
     (RenamePartition(name="eyes", **HERE), {"name": "eyes"}),
-    (SetProcessors(processors=3, **HERE), {"processors": 3}),
+    (set_to(processors=3, **HERE), {"processors": 3}),
     (
-        SetCpu(reserve=41, limit=82, weight=300, quota_period_us=8_000, **HERE),
+        set_to(reserve=41, limit=82, weight=300, quota_period_us=8_000, **HERE),
         {"reserve": 41, "limit": 82, "weight": 300, "quota_period_us": 8_000},
     ),
-    (SetMemory(memory=7, dynamic=True, **HERE), {"memory": 7, "dynamic_memory": True}),
-    (SetActions(stop=StopAction.SAVE, **HERE), {"stop_action": StopAction.SAVE}),
+    (set_to(memory=7, dynamic_memory=True, **HERE), {"memory": 7, "dynamic_memory": True}),
+    (set_to(stop_action=StopAction.SAVE, **HERE), {"stop_action": StopAction.SAVE}),
     (
-        SetActions(start=StartAction.NOTHING, checkpoints=Checkpoints.STANDARD, **HERE),
+        set_to(start_action=StartAction.NOTHING, checkpoints=Checkpoints.STANDARD, **HERE),
         {"start_action": StartAction.NOTHING, "checkpoints": Checkpoints.STANDARD},
     ),
-    (SetSecureBoot(secure_boot="off", **HERE), {"secure_boot": "off"}),
+    (set_to(secure_boot="off", **HERE), {"secure_boot": "off"}),
     (StopPartition(grace_ms=5, **HERE), {"running": False}),
     (WriteMark(application="robot", name="vision", set="0" * 12, **HERE), {}),
 )
@@ -67,11 +65,29 @@ def test_the_way_back_leads_to_what_was_there(operation: MachineOperation, mark:
         build.settings("vision", running=not isinstance(operation, StartPartition)), secure_boot="MicrosoftWindows"
     )
     before = replace(build.partition(settings), id="0a1b2c3d-vm", mark=mark)
+    if isinstance(operation, Set):
+        operation = replace(operation, before=setting_values(settings, operation.after))
 
     back = reverse(operation, before)
 
     assert back is not None
     assert partition_after(partition_after(before, operation), back) == before  # type: ignore[arg-type]  # on a machine
+
+
+@pytest.mark.parametrize(
+    "values", [{"memory": 7}, {"reserve": 40, "running": True}, {"reserve": "40"}, {"limit": True}]
+)
+def test_set_takes_only_values_of_its_facet(values: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"is not a setting of cpu|not of type int"):
+        Set(facet=Facet.CPU, after=values, **HERE)
+
+
+def test_read_set_refuses_other_settings() -> None:
+    data = {"kind": "set", "partition": "vision", "facet": "actions", "after": {"stop_action": "save"}}
+
+    assert decode(Set, data) == set_to("vision", stop_action=StopAction.SAVE)
+    with pytest.raises(NotDecodable, match="'explode' is not a valid StopAction"):
+        decode(Set, {**data, "after": {"stop_action": "explode"}})
 
 
 def test_machine_gets_its_own_id_into_its_mark() -> None:
@@ -133,8 +149,8 @@ def test_dynamic_memory_is_named_again() -> None:
     host_plan, _ = rendered_plan([build.update(build.partition(dynamic), marked(build.partition(BEFORE)))])
     (step, *_) = host_plan.steps
 
-    assert step.title == "memory 1 GiB -> 1 GiB, static"
-    assert reversal(step, host_plan.changes_by_address).title == "memory 1 GiB -> 1 GiB, dynamic"
+    assert step.title == "dynamic memory yes -> no"
+    assert reversal(step, host_plan.changes_by_address).title == "dynamic memory no -> yes"
 
 
 def test_undo_script_has_reserve_in_both_units() -> None:

@@ -136,7 +136,7 @@ def test_linux_share_caps_nothing() -> None:
     found = vision_with(Mechanism.AUTOMATIC)
 
     settings = found.settings
-    assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, None, 0)
+    assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, 0, 0)
     assert found.why_weight == "Linux shares what is not reserved in proportion to the reservations"
     assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
 
@@ -166,7 +166,7 @@ def test_period_is_a_tenth_of_the_threshold(apt_ms: float | None, quota_percent:
 def test_deadline_gives_one_thread_everything() -> None:
     found = vision_with(Mechanism.DEADLINE)
 
-    assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, None)
+    assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, 0)
     assert (deadline_percent(35, 2), deadline_percent(60, 2)) == (70, 95)
     assert planned(a_linux_host(Mechanism.DEADLINE), [VISION, SPEECH]).findings == ()
 

@@ -14,9 +14,10 @@ import pytest
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Host
-from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import Plan, Readings
+from rarms_iac.model.operations import Operation, set_to
+from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Measured
@@ -95,7 +96,7 @@ def test_a_union_without_kinds_names_its_member(amount: CpuAmount) -> None:
 
 
 def test_a_union_with_kinds_is_told_by_them() -> None:
-    step = SetCpu(partition="vision", reserve=40, limit=100, weight=100)
+    step = set_to("vision", reserve=40, limit=100, weight=100)
 
     assert decode_union(Operation, encode(step)) == step
     with pytest.raises(NotDecodable, match="none of create_partition, erase_mark"):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, set_to
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
 from rarms_iac.providers.cgroups import effects, provider, trees
@@ -200,8 +200,8 @@ def test_restart_keeps_partitions_except_manual_ones(lab: Lab) -> None:
     host = lab.host()
     for name in ("vision", "speech"):
         host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)
-        host.execute(SetCpu(partition=name, reserve=20, limit=50, weight=100), SCOPE)
-    host.execute(SetActions(partition="vision", start=StartAction.START), SCOPE)
+        host.execute(set_to(name, reserve=20, limit=50, weight=100), SCOPE)
+    host.execute(set_to("vision", start_action=StartAction.START), SCOPE)
     for name in ("vision", "speech"):
         host.execute(StartPartition(partition=name), SCOPE)
     before = host.observe()

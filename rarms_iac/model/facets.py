@@ -1,0 +1,236 @@
+"""The settings of a partition as a table: which of them one call sets, with which cmdlet, and their texts.
+
+All code that reads, compares, sets, undoes or shows a setting uses `FACETS`, `LABELS` and `setting_text`. A new setting
+is a field of `PartitionSettings`, a label and a place in a row. The operation is `Set` (`model/operations.py`).
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from enum import Enum, StrEnum
+from fractions import Fraction
+from typing import Any
+
+from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_period, show_processors, write_bytes
+from rarms_iac.model.state import NO_GENERATION, PartitionSettings, StartAction
+
+Reading = bool | int | str
+Readings = Mapping[str, Reading]
+"""Some of what can be read at an address, by name: see `diff.readings`."""
+
+
+class Facet(StrEnum):
+    """The settings of a partition that one call sets, in the order in which a change sets them."""
+
+    PROCESSORS = "processors"
+    CPU = "cpu"
+    MEMORY = "memory"
+    ACTIONS = "actions"
+    SECURE_BOOT = "secure_boot"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FacetRow:
+    """How the settings of a facet are set."""
+
+    settings: tuple[str, ...]  # fields of `PartitionSettings`
+    cmdlet: str  # of Hyper-V
+    parameters: Mapping[str, str]  # of the cmdlet, by setting, in their order
+    while_off: frozenset[str] = frozenset()  # those that Hyper-V changes only while the machine is off
+    capacity: str = ""  # the one that takes capacity of the host; empty: none
+    comment: str = ""  # why its step has its place; empty: because of the capacity that it takes or gives back
+    only_changed: bool = False  # a call names only the settings that differ
+    in_group: bool = False  # a running control group is given them, too
+
+
+FACETS: Mapping[Facet, FacetRow] = {
+    Facet.PROCESSORS: FacetRow(
+        settings=("processors",),
+        cmdlet="Set-VMProcessor",
+        parameters={"processors": "Count"},
+        while_off=frozenset({"processors"}),
+        capacity="processors",
+        comment="only while it is off",
+        in_group=True,
+    ),
+    Facet.CPU: FacetRow(
+        settings=("reserve", "limit", "weight", "quota_period_us"),
+        cmdlet="Set-VMProcessor",
+        parameters={"reserve": "Reserve", "limit": "Maximum", "weight": "RelativeWeight"},
+        capacity="reserve",
+        in_group=True,
+    ),
+    # Whether a running machine takes another memory depends on its host and its guest: `diff.disruption`.
+    Facet.MEMORY: FacetRow(
+        settings=("memory", "dynamic_memory"),
+        cmdlet="Set-VMMemory",
+        parameters={"dynamic_memory": "DynamicMemoryEnabled", "memory": "StartupBytes"},
+        capacity="memory",
+        in_group=True,
+    ),
+    Facet.ACTIONS: FacetRow(
+        settings=("start_action", "stop_action", "checkpoints"),
+        cmdlet="Set-VM",
+        parameters={
+            "start_action": "AutomaticStartAction",
+            "stop_action": "AutomaticStopAction",
+            "checkpoints": "CheckpointType",
+        },
+        while_off=frozenset({"stop_action"}),
+        comment="what its host does with it",
+        only_changed=True,
+    ),
+    Facet.SECURE_BOOT: FacetRow(
+        settings=("secure_boot",),
+        cmdlet="Set-VMFirmware",
+        parameters={},  # two of them for one setting: `powershell.pieces`
+        while_off=frozenset({"secure_boot"}),
+        comment="only while it is off",
+    ),
+}
+
+WHILE_OFF = frozenset(name for row in FACETS.values() for name in row.while_off)
+
+LABELS = {
+    "name": "name",
+    "processors": "processors",
+    "reserve": "reserve",
+    "limit": "limit",
+    "weight": "weight",
+    "quota_period_us": "period",
+    "memory": "memory",
+    "dynamic_memory": "dynamic memory",
+    "generation": "generation",
+    "start_action": "automatic start",
+    "stop_action": "stop action",
+    "checkpoints": "checkpoints",
+    "secure_boot": "secure boot",
+    "running": "running",
+}
+"""What each field of `PartitionSettings` is called, in the order in which a plan lists them."""
+
+_OF_MACHINES = tuple(name for name in LABELS if name != "quota_period_us")
+_OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memory", "start_action", "running")
+
+NO_LIMIT = 100
+
+_AUTOMATIC_START = {
+    StartAction.NOTHING: "no",
+    StartAction.START_IF_RUNNING: "if it ran",
+    StartAction.START: "yes",
+}
+_TYPES: Mapping[str, Any] = {field.name: field.type for field in fields(PartitionSettings)}
+
+
+def settings_of(generation: int) -> tuple[str, ...]:
+    """Return the settings that a machine of this generation has, or a control group, in the order of `LABELS`."""
+    return _OF_GROUPS if generation == NO_GENERATION else _OF_MACHINES
+
+
+def setting_values(settings: PartitionSettings, names: Iterable[str] = LABELS) -> Readings:
+    """Return settings by name as JSON has them."""
+    values = ((name, getattr(settings, name)) for name in names)
+    return {name: value.value if isinstance(value, Enum) else value for name, value in values}
+
+
+def with_values(settings: PartitionSettings, values: Readings) -> PartitionSettings:
+    """Return the settings with these in place of theirs."""
+    return replace(settings, **{name: _TYPES[name](value) for name, value in values.items()})
+
+
+def facet_of(setting: str) -> Facet:
+    """Return the facet of a setting that a call sets."""
+    return next(facet for facet, row in FACETS.items() if setting in row.settings)
+
+
+def differing(facet: Facet, before: PartitionSettings, after: PartitionSettings) -> tuple[str, ...]:
+    """Return the settings of a facet that differ."""
+    return tuple(name for name in FACETS[facet].settings if getattr(before, name) != getattr(after, name))
+
+
+def refuse_values(facet: Facet, values: Readings) -> None:
+    """Refuse values that a facet does not have.
+
+    Raises:
+        ValueError: a name is not a setting of it, or a value is of another type than its setting.
+    """
+    for name, value in values.items():
+        if name not in FACETS[facet].settings:
+            raise ValueError(f"{name} is not a setting of {facet}")
+        kind = _TYPES[name]
+        if issubclass(kind, Enum):
+            kind(value)
+        elif type(value) is not kind:
+            raise ValueError(f"{name} is {value!r}, not of type {kind.__name__}")
+
+
+def setting_text(field: str, settings: PartitionSettings) -> str:
+    """Write a field of the settings: `0.6 LP`, `512 MiB`, `yes`.
+
+    Args:
+        field: one of `LABELS`.
+        settings: reserve and limit are of all virtual processors together.
+    """
+    value = getattr(settings, field)
+    match field:
+        case "limit" if value == NO_LIMIT:
+            return "none"
+        case "reserve" | "limit":
+            return show_processors(guaranteed(value, settings.processors))
+        case "memory":
+            return write_bytes(value) if value else "no limit"
+        case "quota_period_us":
+            return show_period(value)
+        case "start_action":
+            return _AUTOMATIC_START[value]
+        case _ if isinstance(value, bool):
+            return "yes" if value else "no"
+        case _ if isinstance(value, Enum):
+            return str(value.value).replace("_", " ")
+        case _:
+            return str(value)
+
+
+def change_text(names: Iterable[str], old: PartitionSettings | None, to: PartitionSettings) -> str:
+    """Say from what to what these settings change, the reserve in both units.
+
+    Args:
+        names: of the settings.
+        old: before the change, of all steps that belong together; None: the machine is new.
+        to: after it.
+
+    Returns:
+        Only what differs.
+    """
+    if old is None:
+        return ", ".join(_new_text(name, to) for name in names)
+    return ", ".join(_change_text(name, old, to) for name in names if getattr(old, name) != getattr(to, name))
+
+
+def _new_text(name: str, to: PartitionSettings) -> str:
+    if name == "reserve":
+        return f"reserve {_lp(to)} ({to.reserve} % of {_each(to)})"
+    return f"limit {to.limit} % of {_each(to)}" if name == "limit" else f"{LABELS[name]} {setting_text(name, to)}"
+
+
+def _change_text(name: str, old: PartitionSettings, to: PartitionSettings) -> str:
+    if name == "reserve":
+        return _reserve_change(old, to)
+    if name == "limit":
+        return f"limit {old.limit} -> {to.limit} % of {_each(to)}"
+    return f"{LABELS[name]} {setting_text(name, old)} -> {setting_text(name, to)}"
+
+
+def _reserve_change(old: PartitionSettings, to: PartitionSettings) -> str:
+    """From what to what in logical processors, and in per cent of the machine's own."""
+    percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
+    if old.processors != to.processors:
+        percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"
+    return f"reserve {plain(Fraction(old.reserve * old.processors, 100))} -> {_lp(to)} ({percents})"
+
+
+def _lp(settings: PartitionSettings) -> str:
+    return show_lp_percent(settings.reserve * settings.processors)
+
+
+def _each(settings: PartitionSettings) -> str:
+    return "its processor" if settings.processors == 1 else f"each of {settings.processors} processors"
