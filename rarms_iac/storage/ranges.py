@@ -41,6 +41,8 @@ RANGES: Mapping[str, Range] = {
     "Setting.processors": (0, 2048),
     "Setting.spent_ms": TIME,
     "reserve": PERCENT,
+    "Set.after": ANY,
+    "Set.before": ANY,
     "Setting.reserve": (1, 100),
     "Step.after": ANY,
     "Step.before": ANY,
