@@ -12,8 +12,8 @@ from pathlib import Path
 import yaml
 
 from benchmarks.timing import Figure, interleaved, median_ratio, report
+from rarms_iac.app.manifests import validate
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.validation import validate
 from rarms_iac.manifest.edit.formatting import format_text
 from tests.robots import fleet_manifest
 

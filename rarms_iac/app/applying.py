@@ -9,7 +9,7 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
 from rarms_iac.app.manifests import declared_application, demands_signed_plans, load_manifest
-from rarms_iac.app.plan_key import plan_key
+from rarms_iac.app.plan_files import plan_key
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts

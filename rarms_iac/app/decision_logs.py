@@ -1,11 +1,11 @@
-"""The logs of decisions beside the data logs: what was chosen for each CoI, and the runs of tuning.
+"""The logs of decisions beside the data logs: what was chosen for each CoI, and what runs of tuning measured.
 
 A configuration log is written whenever a choice is not what it says already; the log of tuning has each run, and its
-last ones are read for reports.
+last ones are read for reports and explanations.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.app.data_logs import measured_reservations, why_outdated
@@ -13,6 +13,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.model.commands import command
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.layout import PlacedPartition
@@ -24,6 +25,7 @@ from rarms_iac.planner.sizes import size
 from rarms_iac.planner.verdicts import MeasuredTogether, Names
 from rarms_iac.storage.datalog.decisions import (
     Chosen,
+    TunedPartition,
     TuningRun,
     append_run,
     last_chosen,
@@ -31,7 +33,7 @@ from rarms_iac.storage.datalog.decisions import (
     read_runs,
     tuning_path,
 )
-from rarms_iac.storage.datalog.files import append_to_log, configuration_path
+from rarms_iac.storage.datalog.files import LogUnreadable, append_to_log, configuration_path
 
 
 def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
@@ -173,3 +175,88 @@ def outdated_compounds(runs: Sequence[TuningRun], manifest: Manifest, host: Host
     compounds = {tuple(sorted(setting.components)) for run in runs for setting in run.trail}
     reasons = {names: why_outdated(manifest, host, names) for names in sorted(compounds)}
     return {names: why for names, why in reasons.items() if why}
+
+
+TUNE = command("tune")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedCompound:
+    """A compound that `rarms tune` measured and that the layout does not have."""
+
+    components: Names  # sorted
+    enough: int | None  # the lowest CR that was enough; None: none was
+    missed: int | None  # the highest that was not; None: all were enough
+    worse: tuple[str, ...]  # the components that it was not enough for
+    outdated: str  # why that does not hold any more; empty: it does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviousTuning:
+    """The runs of a platform, oldest first; or why they cannot be read."""
+
+    runs: tuple[TuningRun, ...] = ()
+    unreadable: str = ""  # the file, the line, and what is wrong with it
+    outdated: Mapping[Names, str] = field(default_factory=dict)  # as of `PlatformTuning`
+
+    def combined(self, members: Names) -> tuple[TuningRun, TunedPartition] | None:
+        """Return the last run that put just these components together, and the partition as it left that.
+
+        Args:
+            members: sorted names.
+
+        Returns:
+            None where no run wrote that into the manifest.
+        """
+        written = ((run, partition) for run in reversed(self.runs) if run.written for partition in run.partitions)
+        return next(
+            (
+                (run, partition)
+                for run, partition in written
+                if partition.parts is not None and tuple(sorted(partition.components)) == members
+            ),
+            None,
+        )
+
+    def rejected(self, members: Names) -> Iterator[RejectedCompound]:
+        """Yield the compounds with any of these that tuning measured, except that of just these, as they were asked.
+
+        What a later run saw at the same reservation counts.
+
+        Args:
+            members: sorted names.
+        """
+        answers_of: dict[Names, dict[int, tuple[str, ...]]] = {}
+        for run in self.runs:
+            for setting in run.trail:
+                names = tuple(sorted(setting.components))
+                if set(names) & set(members) and names != members:
+                    answers_of.setdefault(names, {})[setting.reserve] = setting.worse
+        for names, answers in answers_of.items():
+            missed = max((reserve for reserve, worse in answers.items() if worse), default=None)
+            yield RejectedCompound(
+                components=names,
+                enough=min((reserve for reserve, worse in answers.items() if not worse), default=None),
+                missed=missed,
+                worse=() if missed is None else answers[missed],
+                outdated=self.outdated.get(names, ""),
+            )
+
+
+def previous_tuning(manifest: Manifest, host: Host) -> PreviousTuning:
+    """Read the log of tuning of a host's platform.
+
+    Args:
+        manifest: The manifest, with its measurements beside it; what tuning measured is compared with them.
+
+    Returns:
+        The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.
+    """
+    folder = manifest.folder
+    path = tuning_path(folder, host.platform)
+    try:
+        runs = read_runs(path)
+        return PreviousTuning(runs=runs, outdated=outdated_compounds(runs, manifest, host))
+    except LogUnreadable as problem:
+        place = f"{path.relative_to(folder).as_posix()}, line {problem.line}"
+        return PreviousTuning(unreadable=f"{place}: {problem.message}")

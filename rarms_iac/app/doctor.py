@@ -1,6 +1,13 @@
-"""Examining hosts for what makes a plan ineffective or unsafe there."""
+"""Examining hosts for what makes a plan ineffective or unsafe there, and a report of that without a name or a secret.
 
-from collections.abc import Mapping
+The report is a file to be sent with an issue (docs/windows-first-hour.md). Every value in it is a number, a truth, a
+word of ours or a version: no text of a host or a manifest comes through.
+"""
+
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,8 +16,11 @@ from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.shared_machines import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
+from rarms_iac.model.host import Connect, ProviderKind, SchedulerType, WinRmConnect
 from rarms_iac.model.output import output
-from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.seen_host import PolicyScope, SeenHost
+from rarms_iac.model.state import Rights, RunState, Tie
+from rarms_iac.model.version import __version__
 from rarms_iac.planner.layout import smaller_host_findings
 from rarms_iac.providers.interface import ExaminableHost
 
@@ -86,3 +96,169 @@ def _look(hosts: Hosts, name: str) -> SeenHost:
         with host_errors():
             return host.examined(application)
     return SeenHost(host=described, application=application, state=observe_host(host))
+
+
+_VERSION = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6}){1,3}(-(preview|rc)\.?[0-9]{0,3})?", re.ASCII)
+
+ExecutionPolicy = Literal["AllSigned", "Bypass", "Default", "RemoteSigned", "Restricted", "Undefined", "Unrestricted"]
+_POLICIES: Mapping[str, ExecutionPolicy] = {
+    "allsigned": "AllSigned",
+    "bypass": "Bypass",
+    "default": "Default",
+    "remotesigned": "RemoteSigned",
+    "restricted": "Restricted",
+    "undefined": "Undefined",
+    "unrestricted": "Unrestricted",
+}
+
+Connection = Literal["snapshot", "here", "ssh", "winrm"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineCounts:
+    """How many machines a host has, of each sort."""
+
+    all: int
+    managed: int  # the application's
+    running: int
+    states: Mapping[RunState, int]
+    ties: Mapping[Tie, int]
+    marks_not_believed: int  # with a line of ours in their notes that does not count
+    marked_replicas: int  # of these, replicas: whether a replica has its primary's notes
+    mute: int  # they run, and their guests cannot be asked to shut down
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostSummary:
+    """A host as it was looked at; null: it could not be asked, or is no such host."""
+
+    provider: ProviderKind
+    connection: Connection
+    os_build: int
+    client: bool
+    scheduler: SchedulerType
+    smt: bool
+    logical_processors: int
+    memory: int  # bytes
+    memory_available: int | None  # bytes that machines can still have
+    rights: Rights
+    deadline_percent: int | None
+    powershell: str | None  # version
+    module: tuple[str, ...] | None  # versions of the Hyper-V module
+    bits: int | None
+    policies: Mapping[PolicyScope, ExecutionPolicy]
+    role: bool | None
+    hypervisor_running: bool | None
+    counters: bool | None
+    elevated: bool | None
+    hyperv_administrator: bool | None
+    script_running: bool | None
+    seen_processors: int | None
+    numa_nodes: int | None
+    responsiveness: int | None  # SystemResponsiveness, where it is set to a number
+    unread: int  # questions and machines that had no answer
+    machines: MachineCounts
+    findings: Mapping[str, int]  # how many of each code
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorReport:
+    """All chosen hosts in the order of their names, which are not here."""
+
+    kind: Literal["doctor_report"] = "doctor_report"
+    rarms: str  # version
+    python: str  # version
+    system: str  # that rarms runs on: linux, win32
+    hosts: tuple[HostSummary, ...]
+    accepted: Mapping[str, int]  # findings that the manifest accepts, of each code
+
+
+def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
+    """Keep of an examination what tells nothing of whose it is.
+
+    Returns:
+        Numbers, versions and words of ours; text that a host or a manifest says is left out.
+    """
+    return DoctorReport(
+        rarms=__version__,
+        python=".".join(map(str, sys.version_info[:3])),
+        system=sys.platform,
+        hosts=tuple(_host_summary(host, _connection(hosts, host.name)) for host in examined.hosts),
+        accepted=_by_code(examined.accepted),
+    )
+
+
+def _host_summary(host: SeenHost, connection: Connection) -> HostSummary:
+    facts, condition = host.facts, host.condition
+    responsiveness = condition.responsiveness.data if condition.responsiveness else None
+    module = condition.module
+    return HostSummary(
+        provider=facts.provider,
+        connection=connection,
+        os_build=facts.os_build,
+        client=facts.client,
+        scheduler=facts.scheduler,
+        smt=facts.smt,
+        logical_processors=facts.logical_processors,
+        memory=facts.memory,
+        memory_available=host.memory_left,
+        rights=facts.rights,
+        deadline_percent=facts.deadline_percent,
+        powershell=next(_versions([condition.powershell or ""]), None),
+        module=None if module is None else tuple(_versions(module)),
+        bits=condition.bits,
+        policies=dict(_policies(condition.policies)),
+        role=condition.role,
+        hypervisor_running=condition.hypervisor_running,
+        counters=condition.counters,
+        elevated=condition.elevated,
+        hyperv_administrator=condition.hyperv_administrator,
+        script_running=condition.script_running,
+        seen_processors=condition.seen_processors,
+        numa_nodes=condition.numa_nodes,
+        responsiveness=responsiveness if isinstance(responsiveness, int) else None,
+        unread=len(condition.unread),
+        machines=_machines(host),
+        findings=_by_code(host.findings),
+    )
+
+
+def _connection(hosts: Hosts, name: str) -> Connection:
+    if name in hosts.snapshots.hosts:
+        return "snapshot"
+    match hosts.system.hosts[name].connect:
+        case None:
+            return "here"
+        case Connect():
+            return "ssh"
+        case WinRmConnect():
+            return "winrm"
+
+
+def _machines(host: SeenHost) -> MachineCounts:
+    partitions = host.state.partitions
+    return MachineCounts(
+        all=host.machines,
+        managed=host.managed,
+        running=host.running,
+        states=Counter(machine.state for machine in partitions),
+        ties=Counter(tie for machine in partitions for tie in machine.ties),
+        marks_not_believed=sum(bool(machine.foreign_mark) for machine in partitions),
+        marked_replicas=sum(bool(machine.foreign_mark) and Tie.REPLICA in machine.ties for machine in partitions),
+        mute=sum((machine.state is RunState.RUNNING and not machine.can_be_asked) for machine in partitions),
+    )
+
+
+def _by_code(findings: Iterable[Diagnostic]) -> Mapping[str, int]:
+    return dict(sorted(Counter(finding.code for finding in findings).items()))
+
+
+def _policies(policies: Mapping[PolicyScope, str]) -> Iterator[tuple[PolicyScope, ExecutionPolicy]]:
+    for scope, policy in policies.items():
+        if known := _POLICIES.get(policy.lower()):
+            yield scope, known
+
+
+def _versions(texts: Iterable[str]) -> Iterator[str]:
+    """Those that are versions; anything else may be a name."""
+    return (text for text in texts if _VERSION.fullmatch(text))

@@ -9,9 +9,9 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations
+from rarms_iac.app.decision_logs import TUNE, PreviousTuning, RejectedCompound, previous_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.previous_tuning import TUNE, PreviousTuning, RejectedCompound, previous_tuning
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.capacity import fits

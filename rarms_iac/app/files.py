@@ -3,8 +3,7 @@
 import stat
 from pathlib import Path
 
-from rarms_iac.app.general_findings import conflict_finding, read_finding, write_finding
-from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError, conflict_finding, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import RecommendedCommand, prose
 from rarms_iac.model.wording import reason_of

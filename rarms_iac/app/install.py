@@ -20,7 +20,7 @@ from rarms_iac.app.files import make_folder
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.install_there import RobotPlaces
 from rarms_iac.app.install_wheels import PIP, RobotPython, Wheel, build_name, wheels_for
-from rarms_iac.app.options import flag, option
+from rarms_iac.app.requests import flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import APPLY_ABANDON, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, last_run, last_runs, observe_hosts, refuse_unfinished
-from rarms_iac.app.plan_key import plan_key
+from rarms_iac.app.plan_files import plan_key
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import make_plan

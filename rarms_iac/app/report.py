@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.data_logs import files_of, known_platform, present, subject_of, used_processors
 from rarms_iac.app.decision_logs import tunings_of
-from rarms_iac.app.drift import drift_of_hosts
+from rarms_iac.app.declared_hosts import totals_at_hand
+from rarms_iac.app.drift import ComparedHost, drift_of_hosts
 from rarms_iac.app.graph import candidate_graph
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
@@ -16,8 +16,6 @@ from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.app.requests import HostSelection, refuse_unknown
-from rarms_iac.app.standing_proofs import compared_with_hosts
-from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, first_of_each_kind, has_errors, in_order
@@ -25,13 +23,13 @@ from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.journal import history_of
+from rarms_iac.model.journal import RunKind, history_of
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.quantities import show_reserve
+from rarms_iac.model.quantities import show_percent, show_reserve
 from rarms_iac.model.seen_host import seen_hosts
 from rarms_iac.model.shared_findings import NOT_DONE
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import natural_order
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
@@ -304,3 +302,61 @@ def _compared(hosts: Hosts) -> _Looked:
         for name in hosts.chosen
     )
     return tuple(compared), problems
+
+
+def compared_with_hosts(proofs: Sequence[ComponentProof], hosts: Sequence[ComparedHost]) -> tuple[ComponentProof, ...]:
+    """Leave out the proofs of other machines, and say of each other one why the host no longer has its layout.
+
+    Robots share the names of hosts, and the log: a proof that another machine gave says nothing of this one.
+
+    Args:
+        hosts: those that were looked at; the proofs of other hosts stay as they are.
+    """
+    by_name = {host.name: host for host in hosts}
+    machines = {host.name: host.seen.facts.id for host in hosts if host.seen.facts.id}
+    own = (proof for proof in proofs if not proof.machine or machines.get(proof.host) in {None, proof.machine})
+    return tuple(
+        replace(proof, outdated=(*proof.outdated, *_changes_since(proof, by_name[proof.host])))
+        if proof.host in by_name
+        else proof
+        for proof in own
+    )
+
+
+def _changes_since(proof: ComponentProof, host: ComparedHost) -> Iterator[str]:
+    if undone_at := host.undone_at(proof.serial):
+        yield f"its layout on {host.name} was undone at {undone_at}"
+        return
+    foreign = f"was changed on {host.name} by another tool after {host.last_run_at}"
+    if host.own_runs and host.own_runs[-1].run is RunKind.UNDO:  # it may have set again what another tool had set
+        foreign = f"was changed on {host.name} by the undo at {host.last_run_at} or by another tool after it"
+    if proof.partition in host.changed_partitions:
+        yield f"its partition {foreign}"
+    differences = _differences(proof, host)
+    neighbours = [text for name, text in differences.items() if name in host.changed_partitions - {proof.partition}]
+    by_runs = [text for name, text in differences.items() if name not in host.changed_partitions]
+    if neighbours:
+        yield f"its layout {foreign}: {in_a_row(neighbours)}"
+    if by_runs:
+        when = f" at {host.last_run_at}" if host.serial > proof.serial else ""
+        yield f"its layout on {host.name} was changed{when}: {in_a_row(by_runs)}"
+
+
+def _differences(proof: ComponentProof, host: ComparedHost) -> Mapping[str, str]:
+    """By partition of then and now: how its reservation differs."""
+    own = {proof.partition: proof.reserve} if proof.partition else {}
+    then, now = proof.layout or own, host.reserves
+    compared = {*then, *now} if proof.layout else {*then}
+    return {
+        name: _difference(name, then.get(name), now.get(name))
+        for name in sorted(compared, key=natural_order)
+        if then.get(name) != now.get(name)
+    }
+
+
+def _difference(name: str, then: int | None, now: int | None) -> str:
+    if now is None:
+        return f"{name} is gone"
+    if then is None:
+        return f"{name} is new"
+    return f"{name} has {show_percent(now)} of its VPs instead of {show_percent(then)}"

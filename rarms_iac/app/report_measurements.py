@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
+from rarms_iac.app.declared_hosts import components_without_reservation, partitions_without_log
 from rarms_iac.app.report_model import (
     ComponentProof,
     ComponentVerdict,
@@ -14,7 +15,6 @@ from rarms_iac.app.report_model import (
     PlatformCapacity,
     Report,
 )
-from rarms_iac.app.totals import components_without_reservation, partitions_without_log
 from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.compared_host import ComparedHost
+from rarms_iac.app.drift import ComparedHost
 from rarms_iac.model.achievement import Achievement, ReservationVerdict
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic

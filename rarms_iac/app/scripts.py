@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.files import make_folder, read_input_file, write_file
-from rarms_iac.app.plan_files import plan_in
-from rarms_iac.app.plan_key import plan_key
+from rarms_iac.app.plan_files import plan_in, plan_key
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Diagnostic

@@ -8,10 +8,10 @@ from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import record_choices
-from rarms_iac.app.manifest_edits import FileEdit, edit_levels, write_edits
+from rarms_iac.app.declared_hosts import states_at_hand
+from rarms_iac.app.manifest_files import FileEdit, edit_levels, write_edits
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.options import argument, flag, option
-from rarms_iac.app.totals import states_at_hand
+from rarms_iac.app.requests import argument, flag, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose

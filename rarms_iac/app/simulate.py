@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
-from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
+from rarms_iac.app.requests import argument, flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import ProviderKind

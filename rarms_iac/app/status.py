@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.compared_host import ComparedHost
-from rarms_iac.app.drift import look_for_drift
+from rarms_iac.app.drift import ComparedHost, look_for_drift
 from rarms_iac.app.hosts import Hosts, host_errors, last_runs, observe_host
-from rarms_iac.app.report import measured_report
+from rarms_iac.app.report import compared_with_hosts, measured_report
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
-from rarms_iac.app.standing_proofs import compared_with_hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.applying.state_after import totals_after

@@ -1,10 +1,13 @@
-"""Errors that end a use case without an answer: which kind of end it is, and the findings that say why."""
+"""Errors that end a use case without an answer, and the findings that any use case may end with."""
 
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources, first_of_each_kind
+from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources, first_of_each_kind
+from rarms_iac.model.shared_findings import NOT_DONE, NOT_READ, NOTHING_CHANGED
+from rarms_iac.model.wording import reason_of
+from rarms_iac.storage.disk import advice_on
 
 
 class Outcome(Enum):
@@ -53,3 +56,110 @@ class RequestError(ValueError):
         super().__init__(message)
         self.message = message
         self.advice = advice
+
+
+NOT_WRITTEN = Finding.error("RARMS177", "A file could not be written")
+
+SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused something")
+BUG = Finding.error("RARMS199", "This is a bug in rarms")
+
+
+def bug_finding(error: BaseException) -> Diagnostic:
+    """Make the finding for an unforeseen exception.
+
+    Args:
+        error: the exception; the first 300 characters of its text are shown.
+
+    Returns:
+        A finding with the exception's kind and place, and where to report it.
+    """
+    reason, name = reason_of(error)[:300], type(error).__name__
+    return BUG.at(
+        None,
+        "{exception}" if reason == name else "{exception}: {reason}",
+        "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
+        exception=name,
+        reason=reason,
+    )
+
+
+def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
+    """Make the finding for words that do not fit a command, for a program that reads findings.
+
+    Args:
+        advice: what to do instead; empty: the command's help says it.
+        verb: the command whose `--help` is advised; empty: none was named.
+
+    Returns:
+        A finding without a place.
+    """
+    takes = prose(command(verb, help=True), " lists what it takes.")
+    commands = prose(command("", help=True), " lists the commands.")
+    return NOT_DONE.at(None, "{reason}", sentences(advice, takes if verb else commands), command=verb, reason=message)
+
+
+def system_finding(error: OSError) -> Diagnostic:
+    """Make the finding for a call that the operating system refused, where nothing closer to the call explains that.
+
+    Args:
+        error: its file name is shown, if it has one.
+
+    Returns:
+        A finding with the file's name, where the error has one.
+    """
+    path = f"{error.filename}: " if error.filename else ""
+    return SYSTEM_REFUSED.at(
+        None,
+        "{_path}{reason}.",
+        advice_on(error, "Look at the path, its rights and the space on its disk; --debug shows where it happened."),
+        file=str(error.filename or ""),
+        reason=reason_of(error),
+        _path=path,
+    )
+
+
+def conflict_finding(path: str) -> Diagnostic:
+    """Make the finding for a file that exists already and is not replaced.
+
+    Returns:
+        A finding that tells to name another file or folder.
+    """
+    return NOT_WRITTEN.at(
+        None, "{file} exists already, and stays as it is.", "Name another one, or move that file away first.", file=path
+    )
+
+
+def write_finding(path: str, error: OSError) -> Diagnostic:
+    """Make the finding for a file that could not be written.
+
+    Returns:
+        A finding with the system's own words.
+    """
+    advice = "Name a regular file, no link, in a folder that exists and that you may write to."
+    return NOT_WRITTEN.at(None, "{file}: {reason}.", advice, file=path, reason=reason_of(error))
+
+
+def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
+    """Return the finding for a file that could not be read.
+
+    Args:
+        message: why, as the end of a sentence without a full stop.
+        advice: what to do, as whole sentences.
+
+    Returns:
+        A finding with this message and advice.
+    """
+    return NOT_READ.at(None, "{file}: {reason}.", advice, file=path, reason=message)
+
+
+def declined() -> Diagnostic:
+    """Make the finding for a question that was not answered with yes.
+
+    Returns:
+        A finding without a place, as no line of the manifest is at fault.
+    """
+    return NOTHING_CHANGED.at(
+        None,
+        "The answer was not `yes`.",
+        prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
+    )

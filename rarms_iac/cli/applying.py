@@ -8,13 +8,11 @@ from pathlib import Path
 
 from rarms_iac.app.applying import apply, combine_reports, finish_runs
 from rarms_iac.app.control import Control
-from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.plan_files import write_plan_file
-from rarms_iac.app.plan_key import plan_key
+from rarms_iac.app.plan_files import plan_key, write_plan_file
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions
-from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.refusals import UNFINISHED
 from rarms_iac.applying.run_report import RunEnding, RunReport

@@ -1,4 +1,4 @@
-"""Commands of click made of functions: the fields of a function's requests are its options (`app.options`)."""
+"""Commands of click made of functions: the fields of a function's requests are its options (`app.requests`)."""
 
 import os
 import shlex
@@ -13,8 +13,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.options import Option, Reader
-from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestFile, ManifestSource
+from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestFile, ManifestSource, Option, Reader
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest

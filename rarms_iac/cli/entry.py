@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rarms_iac.app.general_findings import bug_finding, system_finding, usage_finding
-from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, UseCaseError, bug_finding, system_finding, usage_finding
 from rarms_iac.cli.ending import CODES, ExitCode, Interrupted, Interrupts, WrongRequest, confirm_signal
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.session import Session

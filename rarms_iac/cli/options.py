@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.options import STOP_PARTITIONS, flag, option
+from rarms_iac.app.requests import STOP_PARTITIONS, flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.session import Session
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, OutputTarget, parse_outputs

@@ -12,13 +12,13 @@ from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_choices
+from rarms_iac.app.declared_hosts import partitions_without_log, totals_at_hand
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.report_measurements import component_verdicts, missing_on
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
-from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.experiment_log import data_log_path
 from rarms_iac.measuring.findings import findings_of, work_of_settings

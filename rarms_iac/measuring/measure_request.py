@@ -6,8 +6,15 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
-from rarms_iac.app.requests import refuse_unknown
+from rarms_iac.app.requests import (
+    argument,
+    busy_host_option,
+    flag,
+    lock_timeout_option,
+    option,
+    refuse_unknown,
+    samples_option,
+)
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts

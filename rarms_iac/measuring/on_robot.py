@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 from rarms_iac.app.control import Control, MeasuringReporter
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
-from rarms_iac.app.manifest_edits import text_of
-from rarms_iac.app.robot_measurements import add_measurements
+from rarms_iac.app.manifest_files import text_of
+from rarms_iac.app.measurement_files import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.findings import UNABLE
 from rarms_iac.measuring.measure_request import ExperimentResult

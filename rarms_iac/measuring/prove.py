@@ -9,8 +9,7 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
-from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
-from rarms_iac.app.requests import refuse_unknown
+from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, option, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied

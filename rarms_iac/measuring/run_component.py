@@ -16,9 +16,8 @@ from typing import NoReturn
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
-from rarms_iac.app.options import argument, flag, option, read_time
-from rarms_iac.app.process_place import find_place
-from rarms_iac.app.requests import refuse_unknown
+from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
+from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring.component_results import (
     CANNOT_RUN,

@@ -7,10 +7,10 @@ from typing import Literal, Protocol
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
+from rarms_iac.app.manifest_files import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
 from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
-from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
+from rarms_iac.app.requests import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.measure import record_reservations

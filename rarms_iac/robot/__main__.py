@@ -13,8 +13,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import BinaryIO
 
-from rarms_iac.app.general_findings import bug_finding, system_finding
-from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError, bug_finding, system_finding
 from rarms_iac.applying import refusals
 from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.model.commands import Wording

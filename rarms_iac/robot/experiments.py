@@ -17,7 +17,7 @@ from typing import Any
 
 from rarms_iac.app.control import Control, MeasuringReporter, SilentAppReporter
 from rarms_iac.app.hosts import Hosts, select_hosts
-from rarms_iac.app.manifest_edits import text_of
+from rarms_iac.app.manifest_files import text_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError

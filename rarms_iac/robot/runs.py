@@ -8,8 +8,7 @@ from pathlib import Path
 from rarms_iac.app.applying import refuse_unsigned, refuse_unsigned_runs, run_control
 from rarms_iac.app.control import Control, SilentAppReporter
 from rarms_iac.app.hosts import hold_hosts, run_origin
-from rarms_iac.app.plan_files import plan_in
-from rarms_iac.app.plan_key import plan_key
+from rarms_iac.app.plan_files import plan_in, plan_key
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.app.wiring import open_host
 from rarms_iac.applying import refusals

@@ -11,14 +11,13 @@ from pathlib import Path
 from threading import Lock
 
 from rarms_iac.app.files import folder_of
-from rarms_iac.app.general_findings import system_finding
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.report import measured_report
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource, today_utc
 from rarms_iac.app.status import History, Overview, history_of_hosts, overview_of
-from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.app.use_case_errors import UseCaseError, system_finding
 from rarms_iac.app.wiring import HOSTS, state_folder
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind, in_order

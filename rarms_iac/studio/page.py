@@ -9,9 +9,8 @@ from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from types import MappingProxyType
 
-from rarms_iac.app.options import STOP_PARTITIONS, Option
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.requests import STOP_PARTITIONS, ManifestSource, Option
 from rarms_iac.app.status import HostOverview, NextCommand
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.manifest.load import manifest_path

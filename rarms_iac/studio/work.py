@@ -11,8 +11,7 @@ from threading import Event, Lock
 from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.app.control import MeasuringReporter, StopSignal
-from rarms_iac.app.general_findings import bug_finding, system_finding
-from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError, bug_finding, system_finding
 from rarms_iac.applying.run_report import ReportedStep, RunReporter
 from rarms_iac.model.commands import Wording, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order

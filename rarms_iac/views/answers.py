@@ -1,7 +1,6 @@
 """The results that commands print with `--json`: each names itself in `kind` (`schemas/output.json`)."""
 
-from rarms_iac.app.doctor import Examinations
-from rarms_iac.app.doctor_report import DoctorReport
+from rarms_iac.app.doctor import DoctorReport, Examinations
 from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.explain import Explanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
@@ -11,8 +10,8 @@ from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.scripts import PlanScripts
 from rarms_iac.app.select import Selection
-from rarms_iac.app.starting import StartedPartitions
 from rarms_iac.app.status import History, Overview
+from rarms_iac.app.this_machine import StartedPartitions
 from rarms_iac.applying.run_report import RunReport, StepEnded
 from rarms_iac.measuring.component_results import RunOutcome
 from rarms_iac.measuring.measure import MeasureOutcome

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.compared_host import ComparedHost
-from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.drift import ComparedHost, DriftReport
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic

@@ -7,8 +7,8 @@ import contextlib
 from datetime import date
 from pathlib import Path
 
+from rarms_iac.app.manifests import Validation, validate
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.validation import Validation, validate
 from rarms_iac.views.console import render
 from rarms_iac.views.findings_text import findings_text
 

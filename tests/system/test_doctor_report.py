@@ -9,8 +9,7 @@ from typing import Any, get_args
 
 import pytest
 
-from rarms_iac.app.doctor import Examinations
-from rarms_iac.app.doctor_report import Connection, DoctorReport, ExecutionPolicy, report_examinations
+from rarms_iac.app.doctor import Connection, DoctorReport, Examinations, ExecutionPolicy, report_examinations
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from rarms_iac.app.compared_host import ComparedHost
 from rarms_iac.app.data_logs import curves_in
+from rarms_iac.app.drift import ComparedHost
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address

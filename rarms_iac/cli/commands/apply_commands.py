@@ -24,7 +24,6 @@ from rarms_iac.app.control import Control
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import argument, flag, load_host_option
 from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import (
@@ -34,6 +33,9 @@ from rarms_iac.app.requests import (
     ManifestSource,
     PlanLimits,
     RunOptions,
+    argument,
+    flag,
+    load_host_option,
 )
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.app.options import argument, flag
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.requests import ManifestSource, argument, flag
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.completion import completion_script

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.app.doctor import examine_hosts
-from rarms_iac.app.doctor_report import report_examinations
+from rarms_iac.app.doctor import examine_hosts, report_examinations
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.files import make_folder, write_file, write_new_file
 from rarms_iac.app.hosts import record_host, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import flag, option
-from rarms_iac.app.requests import HostSelection, ManifestSource, SnapshotSelection
+from rarms_iac.app.requests import HostSelection, ManifestSource, SnapshotSelection, flag, option
 from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
 from rarms_iac.app.simulate import IntruderChange, change_behind_rarms
 from rarms_iac.app.status import history_of_hosts, overview_of

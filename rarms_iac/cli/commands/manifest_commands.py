@@ -7,9 +7,8 @@ from pathlib import Path
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifest_files import FormattedManifest, format_manifests, write_first_manifest
-from rarms_iac.app.options import argument, flag, option
-from rarms_iac.app.requests import DatedManifestSource, ManifestFile
-from rarms_iac.app.validation import sources_in, validate
+from rarms_iac.app.manifests import sources_in, validate
+from rarms_iac.app.requests import DatedManifestSource, ManifestFile, argument, flag, option
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs

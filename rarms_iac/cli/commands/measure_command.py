@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import flag, option, read_percent, verbose_option
-from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.requests import HostSelection, ManifestSource, flag, option, read_percent, verbose_option
 from rarms_iac.app.scripts import write_scripts
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command

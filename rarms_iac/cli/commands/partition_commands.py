@@ -4,10 +4,18 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_machine, hosts_with_partition, plan_request, refuse_unknown_partitions
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, PlanRunOptions, PlanTargets
-from rarms_iac.app.starting import start_partitions_after_boot
+from rarms_iac.app.requests import (
+    HostSelection,
+    ManifestSource,
+    PlanLimits,
+    PlanRunOptions,
+    PlanTargets,
+    argument,
+    flag,
+    option,
+)
+from rarms_iac.app.this_machine import start_partitions_after_boot
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.cli.applying import plan_ask_apply

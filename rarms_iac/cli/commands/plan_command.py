@@ -5,10 +5,9 @@ from functools import partial
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import flag, option, verbose_option
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
-from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection
+from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection, flag, option, verbose_option
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.cli.applying import write_and_advise
 from rarms_iac.cli.command import rarms_command

@@ -6,9 +6,8 @@ from pathlib import Path
 from rarms_iac.app.files import write_file
 from rarms_iac.app.graph import candidate_graph, graph_of_manifest
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.report import report_of_manifest
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.requests import ManifestSource, argument, flag, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode

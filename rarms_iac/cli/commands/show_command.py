@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import argument, flag, option, verbose_option
 from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.app.planning import plan as make_plan
-from rarms_iac.app.requests import ManifestSource, SnapshotSelection
+from rarms_iac.app.requests import ManifestSource, SnapshotSelection, argument, flag, option, verbose_option
 from rarms_iac.app.scripts import (
     RECEIVE_NAME,
     PlanScripts,

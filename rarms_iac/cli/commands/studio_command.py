@@ -10,8 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
 
-from rarms_iac.app.options import flag, option
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.requests import ManifestSource, flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode

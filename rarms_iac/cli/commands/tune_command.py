@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import flag
-from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.requests import HostSelection, ManifestSource, flag
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import measured, stopped, tell

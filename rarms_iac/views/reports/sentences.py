@@ -2,7 +2,7 @@
 
 from fractions import Fraction
 
-from rarms_iac.app.compared_host import ComparedHost
+from rarms_iac.app.drift import ComparedHost
 from rarms_iac.app.report_model import PlatformCapacity, PlatformTuning
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose

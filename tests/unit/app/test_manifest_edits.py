@@ -8,8 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.app.manifest_edits import FileEdit, edit_partitions, emptied_partitions, write_edits
-from rarms_iac.app.manifest_files import initial_manifest, name_from, write_first_manifest
+from rarms_iac.app.manifest_files import (
+    FileEdit,
+    edit_partitions,
+    emptied_partitions,
+    initial_manifest,
+    name_from,
+    write_edits,
+    write_first_manifest,
+)
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import RequestError

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rarms_iac.app.plan_key import FILE_VARIABLE, VARIABLE, plan_key
+from rarms_iac.app.plan_files import FILE_VARIABLE, VARIABLE, plan_key
 from rarms_iac.app.use_case_errors import RequestError
 from tests.unit.cli.running import rarms
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app import robot_measurements
-from rarms_iac.app.robot_measurements import add_measurements
+from rarms_iac.app import measurement_files
+from rarms_iac.app.measurement_files import add_measurements
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.storage.datalog.files import append_to_log
 from tests.builders_measured import PROVEN
@@ -78,7 +78,7 @@ def test_only_logs_of_the_platform_are_added(came: dict[str, bytes], here: Path,
 
 
 def test_too_many_bytes_in_all_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_measurements, "MOST_BYTES", 511)
+    monkeypatch.setattr(measurement_files, "MOST_BYTES", 511)
 
     logs = {LOG: b"x" * 256, OTHER: b"x" * 256}
     assert "more than 511 bytes" in refusal(lambda: add_measurements(Path(), "onboard", logs))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.app.compared_host import ComparedHost
-from rarms_iac.app.standing_proofs import compared_with_hosts
+from rarms_iac.app.drift import ComparedHost
+from rarms_iac.app.report import compared_with_hosts
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Closing, PastRun, RunKind

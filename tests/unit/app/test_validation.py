@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.declared_hosts import LOOKED_AT
-from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.manifests import Validation, load_manifest, sources_in, validate
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import UseCaseError
-from rarms_iac.app.validation import Validation, sources_in, validate
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Severity, first_of_each_kind
 from rarms_iac.model.system import Acceptance, Policy

@@ -11,8 +11,7 @@ import click
 import pytest
 
 from rarms_iac import __version__
-from rarms_iac.app.general_findings import BUG, system_finding
-from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.app.use_case_errors import BUG, Outcome, UseCaseError, system_finding
 from rarms_iac.cli import entry
 from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.cli.session import Session

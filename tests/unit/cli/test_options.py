@@ -5,7 +5,6 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from rarms_iac.app.options import option
 from rarms_iac.app.requests import (
     DatedManifestSource,
     HostSelection,
@@ -14,6 +13,7 @@ from rarms_iac.app.requests import (
     RunOptions,
     SnapshotFile,
     SnapshotSelection,
+    option,
 )
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import parameters_of, request_of

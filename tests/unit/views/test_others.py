@@ -5,8 +5,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from rarms_iac.app.applying import UndoPreview
-from rarms_iac.app.compared_host import ComparedHost
-from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.drift import ComparedHost, DriftReport
 from rarms_iac.app.graph import LayoutGraph
 from rarms_iac.app.status import History
 from rarms_iac.applying.refusals import UNDO_PARTIAL

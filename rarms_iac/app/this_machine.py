@@ -1,10 +1,13 @@
-"""Where a component's process belongs on this machine: in its partition and task class, where those are here."""
+"""What is done on this machine: a component's place in its partition and task class, and the start of partitions."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
+from rarms_iac.app.hosts import host_errors
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.wiring import place_on
+from rarms_iac.app.wiring import place_on, start_after_boot
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.run import Call
 from rarms_iac.model.system import Component, RunsOn
@@ -15,6 +18,7 @@ from rarms_iac.providers.interface import HostError
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.rcss import CannotJoin, robotic_task
 from rarms_iac.running.start import ProcessPlace
+from rarms_iac.storage.writing import owner
 
 
 def find_place(manifest: Manifest, component: Component, report: Callable[[str], None]) -> ProcessPlace:
@@ -76,3 +80,27 @@ def _task_of(component: Component, report: Callable[[str], None]) -> ProcessPlac
         report(f"{component.name} runs without its task class: {problem}")
         return ProcessPlace()
     return ProcessPlace(task=task)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartedPartitions:
+    """The partitions of this machine that were started, by slice."""
+
+    started: Mapping[str, tuple[str, ...]]
+    kind: Literal["started"] = "started"
+
+
+def start_partitions_after_boot(timeout_ms: int) -> StartedPartitions:
+    """Start what is off on this machine, a Linux host, though no run stopped it. No manifest is read.
+
+    Args:
+        timeout_ms: how long to wait for each slice that another run holds; 0: not at all.
+
+    Returns:
+        What was started; where rarms keeps nothing, there is nothing.
+
+    Raises:
+        UseCaseError: another run holds a slice (refused), or a partition does not start (failed).
+    """
+    with host_errors():
+        return StartedPartitions(started=start_after_boot(owner(), timeout_ms))
