@@ -47,23 +47,13 @@ def test_declined_step_skips_what_builds_on_it(cell, name: str) -> None:  # type
         assert ran.code == 1, ran.says
         assert statuses.index("skipped") >= 0
         assert set(statuses[statuses.index("skipped") :]) == {"skipped"}, f"{action}\n{ran.says}"
+        taken_back = host.copy()
+        undone = undo(taken_back, prepared.plan)
+        assert undone.code == 0, f"{action}\n{undone.says}"
+        assert seen(taken_back)["machines"] == seen(prepared.copy())["machines"], action
         finished = apply(host, prepared.plan)
         assert finished.code == 0, f"{action}\n{finished.says}"
         assert seen(host)["machines"] == seen(undisturbed)["machines"], action
-
-
-@pytest.mark.parametrize("cell", [fresh, everything])
-def test_what_a_declined_step_left_is_undone_whole(cell) -> None:  # type: ignore[no-untyped-def]
-    prepared = cell()
-    for name in ("planning", "speech"):
-        for action in actions(prepared, f"partition/{name}"):
-            host = prepared.copy()
-            asked(prepared, host, action)
-
-            ran = undo(host, prepared.plan)
-
-            assert ran.code == 0, f"{action}\n{ran.says}"
-            assert seen(host)["machines"] == seen(prepared.copy())["machines"], action
 
 
 def given_since(host: WindowsHost, what: str) -> None:
