@@ -210,7 +210,7 @@ def _host(file: Path) -> Mapping[str, Any]:
     text = file.read_text(encoding="utf-8")
     if not text.endswith("}\n"):
         return {"damaged": text}
-    content = json.loads(text)["content"]
+    content = json.loads(text)
     machines = {
         machine["settings"]["name"]: {
             "settings": machine["settings"],

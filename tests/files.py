@@ -1,6 +1,8 @@
 """Files for tests, in ways that work everywhere the tests run."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 
 def copy_files(source: Path, target: Path) -> Path:
@@ -12,3 +14,9 @@ def copy_files(source: Path, target: Path) -> Path:
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_bytes(path.read_bytes())
     return target
+
+
+def machines_on(folder: Path, host: str = "onboard") -> list[dict[str, Any]]:
+    """Return the machines of a simulated host of a manifest in this folder, as its file has them."""
+    file = folder / ".rarms" / "hosts" / f"{host}.json"
+    return list(json.loads(file.read_text(encoding="utf-8"))["machines"].values())

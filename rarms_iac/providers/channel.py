@@ -226,10 +226,6 @@ def _quoted(value: str | int) -> str:
 def open_channel(host: str, words: Sequence[str]) -> Channel:
     """Start a program that leads to a host.
 
-    Args:
-        host: its name in the manifest.
-        words: the program and its arguments.
-
     Raises:
         HostUnreachable: it cannot be started.
     """
@@ -274,9 +270,6 @@ def await_line(
     """Wait for the line by which the other end says that it is ready; pass over what a login prints before.
 
     Args:
-        conversation: through the channel.
-        host: its name in the manifest.
-        channel: to it.
         is_wanted: whether a line is that line.
         look: called while waiting.
 
@@ -344,11 +337,7 @@ class CommandChannel(Protocol):
 
 
 def one_command_only(host: str) -> HostFailed:
-    """Return the refusal to talk with what runs on a host, through a channel that runs one command.
-
-    Args:
-        host: its name in the manifest.
-    """
+    """Return the refusal to talk with what runs on a host, through a channel that runs one command."""
     return HostFailed(
         host,
         "measuring talks with the host all the while, and the channel to it runs one command at a time",
@@ -438,10 +427,5 @@ class ProgramChannel(LiveChannel):
 
 
 def ssh_channel(host: str, connect: Connect) -> ProgramChannel:
-    """Return the system's ssh as a channel.
-
-    Args:
-        host: its name in the manifest.
-        connect: how it is reached.
-    """
+    """Return the system's ssh as a channel."""
     return ProgramChannel(host=host, target=connect.ssh, words=ssh_words(connect))

@@ -17,7 +17,7 @@ from tests.unit.cli.running import rarms
 
 pytestmark = pytest.mark.needs("git")
 
-MANIFEST = a_robot_of(a_measured(at_most="60 ms", until="samples: 5"))
+MANIFEST = a_robot_of(a_measured(at_most="60 ms", until="samples: 5")).replace("[vision]", "[python3, vision.py]")
 LOG = Path("measurements", "onboard", "vision", "busy-loop.jsonl")
 PROGRAM = Path("vision.py")
 

@@ -5,7 +5,6 @@ Repeated, it ends as if undisturbed.
 A usual run takes some of the points of each command; `make test-long` takes all of most, and more than two thousand.
 """
 
-import json
 import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir
@@ -21,7 +20,7 @@ from tests.disturbing import ON_START, START, Disturbance, End, Fault, disturb, 
 from tests.effort import LONG
 from tests.fake_powershell import program as powershell
 from tests.fake_powershell.observing import host_from
-from tests.files import copy_files
+from tests.files import copy_files, machines_on
 from tests.fluid import without_scheduler
 from tests.recorded_hosts import document
 from tests.remote import pwsh
@@ -88,8 +87,7 @@ def prepare(folder: Path, scenario: Scenario) -> tuple[str, ...]:
 
 def id_of(folder: Path, name: str) -> str:
     """The id of the machine with this name."""
-    content = json.loads((folder / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))["content"]
-    return next(str(machine["id"]) for machine in content["machines"].values() if machine["settings"]["name"] == name)
+    return next(str(machine["id"]) for machine in machines_on(folder) if machine["settings"]["name"] == name)
 
 
 def all_points(effects: Sequence[str]) -> list[Fault]:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.files import machines_on
+
 MANIFEST = """\
 schema: rarms/v1
 
@@ -60,18 +62,13 @@ def goes_on(folder: Path, known: int) -> None:
     assert log_of(folder).read_bytes().startswith(before[: before.rfind(b"\n") + 1])
     assert reserves(folder) == ALL
     assert f"by 8 settings, {8 - known} of them new" in again.stdout
-    assert machines(folder) == {}
+    assert machines_on(folder) == []
 
 
 def reserves(folder: Path) -> list[int]:
     """What is recorded whole, in order; the first line is the header."""
     lines = log_of(folder).read_text(encoding="utf-8").split("\n")[1:-1]
     return [json.loads(line)["record"]["Recorded"]["setting"]["reserve"] for line in lines]
-
-
-def machines(folder: Path) -> object:
-    host = json.loads((folder / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
-    return host["content"]["machines"]
 
 
 @pytest.mark.needs("posix")
@@ -84,7 +81,7 @@ def test_interrupted_measurement_goes_on(tmp_path: Path) -> None:
         "vision",
         "audio",
     ], "as they were named, and none left out"
-    assert machines(tmp_path) == {}
+    assert machines_on(tmp_path) == []
     recorded = reserves(tmp_path)
     assert recorded == ALL[: len(recorded)] != ALL
     goes_on(tmp_path, len(recorded))

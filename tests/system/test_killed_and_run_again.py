@@ -11,6 +11,7 @@ from rarms_iac.applying import refusals
 from rarms_iac.model.version import __version__
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
+from tests.files import machines_on
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -23,15 +24,6 @@ components:
   vision: { criticality: 9, memory: 512 MiB, cpu: { reserve: 40 % }, hosts: [left] }
   speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, hosts: [right] }
 """
-
-
-def machines(folder: Path) -> list[str]:
-    """Return `host/machine` for what is there."""
-    found = []
-    for file in sorted((folder / ".rarms" / "hosts").glob("*.json")):
-        content = json.loads(file.read_text(encoding="utf-8"))["content"]
-        found += [f"{file.stem}/{machine['settings']['name']}" for machine in content["machines"].values()]
-    return found
 
 
 def prepared(folder: Path, before: Sequence[Sequence[str]]) -> Path:
@@ -70,7 +62,7 @@ def test_killed_undo_is_not_applied_again_unasked(tmp_path: Path) -> None:
 
     assert "Otherwise run `rarms undo` to finish it" in " ".join(refused.err.split())
     assert (refused.code, applied.code) == (3, 64), "it finishes the undo, and then there is no terminal to ask at"
-    assert machines(start) == ["right/speech"]
+    assert [len(machines_on(start, host)) for host in ("left", "right")] == [0, 1]
 
 
 def test_destroyed_target_may_be_destroyed_again(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """`rarms measure --stop-partitions`, ended without any clean-up: what it stopped is started by the next command."""
 
-import json
 import subprocess
 import sys
 from itertools import cycle
@@ -9,7 +8,7 @@ from pathlib import Path
 from rarms_iac.storage import disk
 from tests.crashing import KILLED, CrashingDisk
 from tests.effort import LONG
-from tests.files import copy_files
+from tests.files import copy_files, machines_on
 from tests.needs import CHECKOUT
 from tests.robots import a_measured, a_robot_of
 from tests.unit.cli import running
@@ -37,8 +36,7 @@ def rarms(folder: Path, *words: str) -> Ran:
 
 def machines(folder: Path) -> dict[str, tuple[str, bool]]:
     """What there is: its state by name, and whether its mark says that rarms stopped it."""
-    host = json.loads((folder / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
-    found = host["content"]["machines"].values()
+    found = machines_on(folder)
     return {
         machine["settings"]["name"]: (machine["state"], machine["notes"].endswith("measuring")) for machine in found
     }

@@ -22,7 +22,7 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.model import commands
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
-from tests.files import copy_files
+from tests.files import copy_files, machines_on
 from tests.measuring import leave_logs, rewrite_log, with_weak_load
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
@@ -732,8 +732,7 @@ def commands_in(document: object) -> Iterator[str]:
 
 def id_of_vision() -> str:
     """The id of its machine on the simulated host, which is made of the plan that made it."""
-    machines = json.loads(Path(".rarms/hosts/onboard.json").read_text(encoding="utf-8"))["content"]["machines"]
-    (found,) = (key for key, machine in machines.items() if machine["settings"]["name"] == "vision")
+    (found,) = (machine["id"] for machine in machines_on(Path()) if machine["settings"]["name"] == "vision")
     return str(found)
 
 

@@ -33,7 +33,7 @@ def _overlay(name: str) -> tuple[str, str]:
 def test_mark_names_robot_and_next_plan_is_empty() -> None:
     assert rarms("apply", *_overlay("robot-7"), "--auto-approve").code == 0
 
-    notes = [machine["notes"] for machine in json.loads(_state("robot-7").read_text())["content"]["machines"].values()]
+    notes = [machine["notes"] for machine in json.loads(_state("robot-7").read_text())["machines"].values()]
 
     assert notes
     assert all(" robot=robot-7" in text for text in notes)
