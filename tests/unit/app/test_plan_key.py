@@ -9,7 +9,7 @@ import yaml
 
 from rarms_iac.app.plan_files import FILE_VARIABLE, VARIABLE, plan_key
 from rarms_iac.app.use_case_errors import RequestError
-from tests.unit.cli.running import rarms
+from tests.unit.cli.running import Ran, rarms
 
 KEY = "0123456789abcdef"
 
@@ -102,13 +102,17 @@ def test_the_signature_covers_the_whole_file(robot: Path, tmp_path: Path, monkey
     assert "Set RARMS_PLAN_KEY" in scripts.err
 
 
+def demand_signatures(manifest: Path) -> None:
+    document = yaml.safe_load(manifest.read_text(encoding="utf-8"))
+    document.setdefault("policy", {})["signed_plans"] = True
+    manifest.write_text(yaml.safe_dump(document), encoding="utf-8")
+
+
 @pytest.mark.parametrize("words", [("-f", "{manifest}", "--auto-approve"), ("{plan}",)])
 def test_signed_plans_policy_needs_a_key(
     robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
-    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
-    document.setdefault("policy", {})["signed_plans"] = True
-    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
+    demand_signatures(robot)
     plan = str(tmp_path / "some.plan")
     apply = ["apply", *(word.format(manifest=robot, plan=plan) for word in words)]
     unsigned = rarms("plan", "-f", str(robot), "--out", plan)
@@ -128,9 +132,7 @@ def test_signed_plans_policy_needs_a_key(
 def test_plan_forged_to_need_no_key_is_refused(robot: Path, tmp_path: Path) -> None:
     plan = str(tmp_path / "some.plan")
     assert rarms("plan", "-f", str(robot), "--out", plan).code == 0
-    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
-    document.setdefault("policy", {})["signed_plans"] = True
-    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
+    demand_signatures(robot)
 
     refused = rarms("apply", plan)
 
@@ -138,66 +140,29 @@ def test_plan_forged_to_need_no_key_is_refused(robot: Path, tmp_path: Path) -> N
     assert "error[RARMS341]" in refused.err
 
 
-def test_unfinished_keyed_run_needs_the_key(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
-    document = yaml.safe_load(robot.read_text(encoding="utf-8"))
-    document.setdefault("policy", {})["signed_plans"] = True
-    for host in document["hosts"].values():
-        host["simulated"] = yaml.safe_load(faults)
-    robot.write_text(yaml.safe_dump(document), encoding="utf-8")
-    monkeypatch.setenv(VARIABLE, KEY)
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
-    monkeypatch.delenv(VARIABLE)
+@pytest.mark.parametrize("command", ["apply", "undo"])
+@pytest.mark.parametrize(
+    ("begun_with", "is_demanded", "key", "code"),
+    [("", False, "", 0), ("", False, KEY, 3), (KEY, False, KEY, 0), (KEY, True, KEY, 0), (KEY, True, "", 3)],
+)
+def test_unfinished_run_needs_its_key(
+    robot: Path, monkeypatch: pytest.MonkeyPatch, command: str, begun_with: str, is_demanded: bool, key: str, code: int
+) -> None:
+    def run(verb: str, with_key: str) -> Ran:
+        with monkeypatch.context() as context:
+            if with_key:
+                context.setenv(VARIABLE, with_key)
+            return rarms(verb, "-f", str(robot), "--auto-approve")
 
-    refused = rarms("apply", "-f", str(robot), "--auto-approve")
-    monkeypatch.setenv(VARIABLE, KEY)
-
-    assert refused.code == 3
-    assert "error[RARMS341]" in refused.err
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
-
-
-def test_unfinished_run_is_finished_if_signed(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
-    text = robot.read_text(encoding="utf-8")
-    robot.write_text(
-        text.replace("provider: simulated", f"provider: simulated\n    simulated: {faults}\n    #"), encoding="utf-8"
-    )
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
-
-    monkeypatch.setenv(VARIABLE, KEY)
-    refused = rarms("apply", "-f", str(robot), "--auto-approve")
-    monkeypatch.delenv(VARIABLE)
-    finished = rarms("apply", "-f", str(robot), "--auto-approve")
-
-    assert (refused.code, finished.code) == (3, 0)
-    assert "error[RARMS341]" in refused.err
-
-
-def test_unfinished_undo_is_finished_if_signed(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    undo = ("undo", "-f", str(robot), "--auto-approve")
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == rarms(*undo).code == 0
+    if is_demanded:
+        demand_signatures(robot)
+    for verb in ("apply", command) if command == "undo" else ("apply",):
+        assert run(verb, begun_with).code == 0
     (journal,) = (robot.parent / ".rarms" / "hosts").glob("*.journal.jsonl")
     unfinished = b"".join(journal.read_bytes().splitlines(keepends=True)[:-1])
     journal.write_bytes(unfinished)
 
-    monkeypatch.setenv(VARIABLE, KEY)
-    refused = rarms(*undo)
-    assert journal.read_bytes() == unfinished
-    monkeypatch.delenv(VARIABLE)
-    finished = rarms(*undo)
+    answer = run(command, key)
 
-    assert (refused.code, finished.code) == (3, 0)
-    assert "error[RARMS341]" in refused.err
-
-
-def test_unfinished_run_of_signed_plan_is_finished(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
-    text = robot.read_text(encoding="utf-8")
-    robot.write_text(
-        text.replace("provider: simulated", f"provider: simulated\n    simulated: {faults}\n    #"), encoding="utf-8"
-    )
-    monkeypatch.setenv(VARIABLE, KEY)
-
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
-    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
+    assert answer.code == code
+    assert ("error[RARMS341]" in answer.err, journal.read_bytes() == unfinished) == (bool(code), bool(code))
