@@ -20,7 +20,7 @@ from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import AtLeast, AtMost
-from rarms_iac.statistics.error_probability import next_look
+from rarms_iac.statistics.distributions import next_look
 from rarms_iac.storage.datalog.log import DIGITS
 from tests.builders import a_run
 

@@ -30,7 +30,7 @@ from benchmarks.timing import Figure, report
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, load_share
-from rarms_iac.measuring.several_loads import decisive
+from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
@@ -41,8 +41,7 @@ from rarms_iac.model.system import Threshold, run_of
 from rarms_iac.providers.simulated.measuring import demand_of, model_load
 from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
-from rarms_iac.statistics.distributions import share_interval
-from rarms_iac.statistics.error_probability import ERROR, samples_needed
+from rarms_iac.statistics.distributions import ERROR, samples_needed, share_interval
 from rarms_iac.statistics.samples import response_times
 from rarms_iac.statistics.verdicts import judge_look, samples_to_clear
 from rarms_iac.storage.datalog.files import read_log

@@ -22,7 +22,7 @@ from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.statistics.curves import curves_of, holds
-from rarms_iac.statistics.error_probability import LOOK_ERROR
+from rarms_iac.statistics.distributions import LOOK_ERROR
 
 COMPONENTS = 1000
 TOLERANCE = 0.01

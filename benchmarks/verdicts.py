@@ -14,8 +14,7 @@ from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import Sample, Series, first_samples
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.distributions import share_below
-from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, LOOK_ERROR, next_look
+from rarms_iac.statistics.distributions import ERROR, FIRST_LOOK, LOOK_ERROR, next_look, share_below
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge, judge_early, judge_look
 from tests.builders import a_run

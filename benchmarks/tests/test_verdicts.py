@@ -25,7 +25,7 @@ from benchmarks.verdicts import (
 )
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Met, Missed, Unsteady
-from rarms_iac.statistics.error_probability import ERROR
+from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.verdicts import judge
 from tests.effort import examples
 

@@ -43,7 +43,7 @@ from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured
 from rarms_iac.statistics.curves import Curve, highest_missed, holds
-from rarms_iac.statistics.error_probability import describe_extreme
+from rarms_iac.statistics.distributions import describe_extreme
 from rarms_iac.storage.shipped import known_codes
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}

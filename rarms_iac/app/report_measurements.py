@@ -40,7 +40,7 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, fixed, names_of, to_be_measured
 from rarms_iac.planner.totals import PlannedTotals
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.statistics.error_probability import ERROR, describe_extreme
+from rarms_iac.statistics.distributions import ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.verdicts import judge_look

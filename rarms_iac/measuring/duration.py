@@ -21,8 +21,8 @@ from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted
-from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
-from rarms_iac.statistics.setting_time import MEMORY_FACTOR, least_setting_ms
+from rarms_iac.statistics.distributions import FIRST_LOOK, samples_needed
+from rarms_iac.statistics.steady_state import MEMORY_FACTOR, least_setting_ms
 
 _UNTIL_CLEAR = SettingCount(least=1, most=1, ends_early=True, goes_on=True)
 

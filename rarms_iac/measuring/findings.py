@@ -15,8 +15,7 @@ from typing import Any, assert_never
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.applying.state_after import totals_after
-from rarms_iac.measuring.evidence import idle_share
-from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
+from rarms_iac.measuring.evidence import MeasuredIndex, idle_share, measured_indexes, why_unsteady
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import Wording, command, prose
@@ -59,7 +58,7 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.curves import threshold_met_by
-from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
+from rarms_iac.statistics.distributions import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
 

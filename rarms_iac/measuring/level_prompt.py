@@ -11,8 +11,8 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
+from rarms_iac.measuring.run_experiment import decisive, measure_with_each_load
 from rarms_iac.measuring.session import MeasuringSession
-from rarms_iac.measuring.several_loads import decisive, measure_with_each_load
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept

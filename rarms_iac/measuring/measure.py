@@ -1,10 +1,11 @@
-"""Measuring: experiments with their data logs, on hosts that are held meanwhile.
+"""Measuring: experiments with their data logs, on hosts that are held meanwhile; with `--again` once more.
 
 Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from fractions import Fraction
 from itertools import groupby
 from pathlib import Path
@@ -15,12 +16,12 @@ from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.declared_hosts import partitions_without_log, totals_at_hand
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.manifests import unaccepted_short_secrets
-from rarms_iac.app.measurement_files import log_errors
+from rarms_iac.app.measurement_files import hold_data_log, log_errors
 from rarms_iac.app.report_measurements import component_verdicts, missing_on
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.measuring.experiment_log import data_log_path
+from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.findings import findings_of, work_of_settings
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
@@ -34,10 +35,17 @@ from rarms_iac.measuring.measure_request import (
 )
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.remeasuring import end_remeasurements, remeasurements_for
+from rarms_iac.measuring.run_experiment import (
+    by_partition,
+    decisive,
+    idle_settings,
+    leave_idle,
+    measure_with_each_load,
+    stop_what_is_in_the_way,
+)
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
-from rarms_iac.measuring.several_loads import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
+from rarms_iac.measuring.strategies import Method
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
@@ -48,6 +56,7 @@ from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
 from rarms_iac.storage.codec import decode
+from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement
 from rarms_iac.storage.datalog.log import Remeasurement
 
 
@@ -308,3 +317,67 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
                 file = f"{name}.{title}.measure.ps1"
                 scripts[file] = PlanScript(name=file, host=name, guest="", undo=False, text=text)
     return tuple(scripts.values())
+
+
+def remeasurements_for(
+    session: MeasuringSession, experiments: Sequence[Experiment], asked: str, method: Method
+) -> Mapping[Path, Remeasurement]:
+    """Find or begin the remeasurement of each experiment.
+
+    A command that was killed goes on: its other logs say whether they had their turn.
+
+    Args:
+        experiments: What is to be measured once more.
+        asked: Tells this command's remeasurements from those of others (`measure_request.describe_request`).
+
+    Returns:
+        By data log the remeasurement that is not ended, or a new one, which all logs say then.
+
+    Raises:
+        UseCaseError: A log is damaged (negative), or held by another run (refused); or as of
+            `stop_what_is_in_the_way`. Nothing is written then.
+    """
+    logs = [read_experiment_log(session, experiment) for experiment in experiments]
+    unfinished = [last for log in logs if (last := _last(log, asked)) is not None and not last.ended]
+    begun = max((remeasurement.begun for remeasurement in unfinished), default=None)
+    known = {log.path: _of_that_command(log, asked, begun) for log in logs}
+    for experiment, log in zip(experiments, logs, strict=True):
+        if known[log.path] is None:
+            stop_what_is_in_the_way(session, experiment, method)
+    started = begun or datetime.now(UTC).isoformat(timespec="microseconds")
+    return {log.path: known[log.path] or _begin(session, log, asked, started) for log in logs}
+
+
+def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeasurement]) -> None:
+    """Record in each data log that all of its remeasurement is measured.
+
+    Args:
+        session: Of the command that measured it; its hosts need not be held any more.
+
+    Raises:
+        UseCaseError: A log is held by another run (refused).
+    """
+    for path, remeasurement in complete.items():
+        if not remeasurement.ended:
+            with hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
+                end_remeasurement(path, remeasurement)
+
+
+def _last(log: ExperimentLog, asked: str) -> Remeasurement | None:
+    remeasurements = () if log.valid is None else log.valid.remeasurements
+    return next((each for each in reversed(remeasurements) if each.asked == asked), None)
+
+
+def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remeasurement | None:
+    """Return the remeasurement of a command that began then; one that is not ended is gone on with in any case."""
+    last = _last(log, asked)
+    if begun is None or last is None or (last.ended and last.begun != begun):
+        return None
+    return last
+
+
+def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
+    begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
+    with hold_data_log(session.hosts.folder, log.path, session.lock_timeout_ms):
+        append_remeasurement(log.path, log.header, begins)
+    return begins

@@ -17,8 +17,8 @@ from rarms_iac.app.requests import (
 )
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
+from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts
-from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
@@ -44,7 +44,7 @@ from rarms_iac.model.shared_findings import MISSING
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.statistics.error_probability import ERROR
+from rarms_iac.statistics.distributions import ERROR
 
 USUAL_SEED = 1
 """What chance is drawn from on a simulated host, unless a user says."""

@@ -15,7 +15,7 @@ from typing import assert_never
 from rarms_iac.app.control import Control
 from rarms_iac.manifest.text.tree import FirstLine
 from rarms_iac.measuring.duration import least_samples
-from rarms_iac.measuring.evidence import with_memory_kills
+from rarms_iac.measuring.evidence import MeasuredIndex, with_memory_kills
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
@@ -24,7 +24,6 @@ from rarms_iac.measuring.partitions import (
     running_test_partitions,
     set_reserves,
 )
-from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
 from rarms_iac.model.environment_setup import P2
 from rarms_iac.model.loads import Interference
@@ -48,7 +47,7 @@ from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
-from rarms_iac.statistics.error_probability import ERROR, samples_needed
+from rarms_iac.statistics.distributions import ERROR, samples_needed
 from rarms_iac.statistics.overload import describe_overload, more_processors_help
 from rarms_iac.statistics.samples import response_times, starts_differ
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear

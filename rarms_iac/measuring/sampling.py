@@ -20,10 +20,9 @@ from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import RunningWork
-from rarms_iac.statistics.error_probability import FIRST_LOOK, next_look
+from rarms_iac.statistics.distributions import FIRST_LOOK, next_look
 from rarms_iac.statistics.samples import response_times, starts_differ
-from rarms_iac.statistics.setting_time import MEMORY_FACTOR, RESTART_WINDOWS, STARTS, least_starts
-from rarms_iac.statistics.steady_state import answered_before
+from rarms_iac.statistics.steady_state import MEMORY_FACTOR, RESTART_WINDOWS, STARTS, answered_before, least_starts
 
 PATIENCE_FACTOR = 20
 """After this many times `Settling.least_ms`, and two jobs of each component, samples count at any consumption."""

@@ -16,11 +16,12 @@ from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.measure import record_reservations
 from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again, stopped_to_measure
-from rarms_iac.measuring.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.measuring.tuning_subject import (
     Experiments,
+    TuningConclusion,
     TuningSubject,
     problem_around,
+    search_combinations,
     subject_of_tuning,
     tuning_host,
 )

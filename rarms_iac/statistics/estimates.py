@@ -15,8 +15,14 @@ from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import SampleColumns, Series, columns_of
-from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
-from rarms_iac.statistics.error_probability import FIRST_LOOK, LOOK_ERROR, PERIODIC_STARTS
+from rarms_iac.statistics.distributions import (
+    FIRST_LOOK,
+    LOOK_ERROR,
+    PERIODIC_STARTS,
+    beta_quantile,
+    share_interval,
+    student_quantile,
+)
 from rarms_iac.statistics.samples import (
     batch_moments,
     deadline_misses,

@@ -16,8 +16,7 @@ from rarms_iac.model.outcomes import Estimate, NoEstimate, Overload, Unsteady
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import SampleColumns, Series, columns_of
-from rarms_iac.statistics.distributions import student_quantile
-from rarms_iac.statistics.error_probability import LOOK_ERROR
+from rarms_iac.statistics.distributions import LOOK_ERROR, student_quantile
 from rarms_iac.statistics.estimates import estimate, estimate_steady, mean_estimate, share_estimate
 from rarms_iac.statistics.samples import ends_ms, successes
 from rarms_iac.statistics.steady_state import find_steady_part

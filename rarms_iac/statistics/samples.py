@@ -8,8 +8,7 @@ from statistics import NormalDist
 
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Sample, Series, columns_of
-from rarms_iac.statistics.distributions import student_quantile
-from rarms_iac.statistics.error_probability import LOOK_ERROR
+from rarms_iac.statistics.distributions import LOOK_ERROR, student_quantile
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 

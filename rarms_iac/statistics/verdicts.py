@@ -22,7 +22,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR, samples_needed, shared_error
+from rarms_iac.statistics.distributions import ERROR, LOOK_ERROR, samples_needed, shared_error
 from rarms_iac.statistics.estimates import share_estimate
 from rarms_iac.statistics.overload import estimate_of_setting, find_overload, grows_without_end
 from rarms_iac.statistics.samples import failures, response_times

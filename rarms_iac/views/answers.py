@@ -13,9 +13,9 @@ from rarms_iac.app.select import Selection
 from rarms_iac.app.status import History, Overview
 from rarms_iac.app.this_machine import StartedPartitions
 from rarms_iac.applying.run_report import RunReport, StepEnded
-from rarms_iac.measuring.component_results import RunOutcome
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.prove import ProveOutcome
+from rarms_iac.measuring.run_component import RunOutcome
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.diagnostics import Findings
 from rarms_iac.model.plan import Plan

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.report_measurements import WITHOUT_APT, point_of
 from rarms_iac.app.report_model import MeasuredPoint
+from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.several_loads import decisive
+from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
@@ -29,7 +29,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, share_of_processors, show_percent, show_processors
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.error_probability import describe_errors, describe_extreme
+from rarms_iac.statistics.distributions import describe_errors, describe_extreme
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.prove import describe_verdict, skipped_sentence
 from rarms_iac.views.status import describe_totals

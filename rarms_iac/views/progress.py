@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
-from rarms_iac.measuring.component_results import ComponentRunResult
+from rarms_iac.measuring.evidence import MeasuredIndex, indexes_of_series, measured_indexes
 from rarms_iac.measuring.findings import show_index
-from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes
-from rarms_iac.measuring.run_component import SampleReporter
+from rarms_iac.measuring.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named, show_bound, show_value
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word

@@ -14,7 +14,7 @@ from rarms_iac.model.setting import join_skipped
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.running.reading import describe_skipped
-from rarms_iac.statistics.error_probability import describe_errors
+from rarms_iac.statistics.distributions import describe_errors
 from rarms_iac.views.console import paragraph
 from rarms_iac.views.table import Column, Table
 from rarms_iac.views.verdicts import short_bound

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts, measurement_files, requests
-from rarms_iac.measuring import remeasuring
+from rarms_iac.measuring import measure
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import End, look
@@ -32,7 +32,7 @@ ROUTE = (
     ("history", "--json"),
     ("destroy", "--auto-approve"),
 )
-READERS = (hosts, measurement_files, requests, remeasuring)
+READERS = (hosts, measurement_files, requests, measure)
 """The modules that ask for the time of day."""
 STEPS = (timedelta(milliseconds=100), timedelta(hours=1), timedelta(days=400))
 

@@ -19,8 +19,8 @@ from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import Suggestions
 from rarms_iac.running.reading import compile_pattern
-from rarms_iac.statistics.error_probability import samples_needed
-from rarms_iac.statistics.setting_time import least_setting_ms
+from rarms_iac.statistics.distributions import samples_needed
+from rarms_iac.statistics.steady_state import least_setting_ms
 
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 

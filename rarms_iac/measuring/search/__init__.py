@@ -2,7 +2,7 @@
 
 A history of trials and a goal come in (`trials.py`, where to begin), the next step comes out (`model/outcomes.py`).
 Resuming is replaying the history out of the data log: the same history gives the same step. `bracketing.py`
-has bisection, the paper's walk, and the default: it needs fewer settings, by where `crossings.py` reads the threshold
+has bisection, the paper's walk, and the default: it needs fewer settings, by where it reads the threshold
 off the settings so far, and takes at most one more than bisection as long as no verdict is wrong.
 """
 

@@ -25,7 +25,7 @@ from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, holds, least_reserve
-from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
+from rarms_iac.statistics.distributions import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.overload import grows_without_end
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear, until_share

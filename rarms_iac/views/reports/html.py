@@ -16,7 +16,7 @@ from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command_text, plain_text
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import guaranteed, show_processors
-from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
+from rarms_iac.statistics.distributions import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.harmless import visible

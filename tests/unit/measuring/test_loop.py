@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.measuring.evidence import shortfall_at, why_unsteady
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.strategies import SettingCount, Sweep, goal_of
 from rarms_iac.model.environment_setup import P1, P2

@@ -13,8 +13,8 @@ from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, Interf
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.series import Sample
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
-from rarms_iac.statistics.error_probability import PERIODIC_STARTS
-from rarms_iac.statistics.setting_time import MEMORY_FACTOR
+from rarms_iac.statistics.distributions import PERIODIC_STARTS
+from rarms_iac.statistics.steady_state import MEMORY_FACTOR
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.unit.measuring.bench import Bench
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.several_loads import by_partition, decisive, next_experiment, with_result
+from rarms_iac.measuring.run_experiment import by_partition, decisive, next_experiment, with_result
 from rarms_iac.measuring.strategies import Method, Search, Sweep
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment, experiment_of

@@ -15,8 +15,14 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.measuring.combining import _predicted
 from rarms_iac.measuring.tune import tuning_findings
-from rarms_iac.measuring.tuning_search import search_combinations
-from rarms_iac.measuring.tuning_subject import LayoutFit, TuningStopped, TuningSubject, subject_of_tuning, tuning_host
+from rarms_iac.measuring.tuning_subject import (
+    LayoutFit,
+    TuningStopped,
+    TuningSubject,
+    search_combinations,
+    subject_of_tuning,
+    tuning_host,
+)
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.infeasibility.relaxations import pair_relaxations

@@ -9,8 +9,14 @@ import pytest
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.series import Series
-from rarms_iac.statistics.distributions import beta_quantile, share_below, share_interval, student_quantile
-from rarms_iac.statistics.error_probability import LOOK_ERROR, PERIODIC_STARTS
+from rarms_iac.statistics.distributions import (
+    LOOK_ERROR,
+    PERIODIC_STARTS,
+    beta_quantile,
+    share_below,
+    share_interval,
+    student_quantile,
+)
 from rarms_iac.statistics.estimates import estimate, mean_estimate
 from rarms_iac.statistics.samples import effective_samples
 from rarms_iac.statistics.steady_state import find_steady_part

@@ -13,7 +13,7 @@ from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curve_of, highest_missed
-from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR
+from rarms_iac.statistics.distributions import ERROR, LOOK_ERROR
 from rarms_iac.statistics.overload import describe_overload, estimate_of_setting, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import judge, judge_early
 from tests.builders import a_run, at_least, at_most

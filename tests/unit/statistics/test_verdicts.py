@@ -18,7 +18,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.system import Threshold
-from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, next_look, samples_needed
+from rarms_iac.statistics.distributions import ERROR, FIRST_LOOK, next_look, samples_needed
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge, judge_early, judge_look, samples_to_clear
 from tests.builders import a_run, at_least, at_most, milliseconds

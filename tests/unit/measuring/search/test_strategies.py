@@ -23,7 +23,7 @@ from rarms_iac.model.outcomes import WIDTH, Measure, Missed, NotAchievable, NotR
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.model.setting import Setting
-from rarms_iac.statistics.error_probability import ERROR
+from rarms_iac.statistics.distributions import ERROR
 from tests.builders import a_run, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy
