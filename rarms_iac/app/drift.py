@@ -136,7 +136,7 @@ def drift_of_hosts(
     if hosts:
         findings = tuple(finding for finding in findings if outcome_of((finding,)) is Outcome.FAILED)
         drifts = {
-            name: drift(desired.state, desired.observed, application, desired.unused, present.get(name))
+            name: drift(desired.state, desired.seen.state, application, desired.unused, present.get(name))
             for name, desired in hosts.items()
         }
     else:

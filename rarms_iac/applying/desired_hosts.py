@@ -11,7 +11,6 @@ from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.diff.step_context import HostContext, StepBudget
-from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
@@ -20,6 +19,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.renaming import renaming
+from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.shared_findings import FOREIGN_AT_NAME
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
@@ -54,9 +54,10 @@ def desired_hosts(
         *marks_of_other_robots(observed.values(), system.application),
     ):
         return {}, refused
-    states = sorted(observed.items(), key=lambda observed_host: natural_order(observed_host[0]))
+    all_seen = seen_hosts(system.hosts, request.application, observed)
+    seen = {name: all_seen[name] for name in sorted(observed, key=natural_order)}
     if request.purpose is not Purpose.APPLY:
-        return {name: _without_layout(request, state) for name, state in states}, ()
+        return {name: _without_layout(request, host) for name, host in seen.items()}, ()
     planning = plan_layout(
         system,
         request.reservations,
@@ -70,19 +71,19 @@ def desired_hosts(
     if not isinstance(layout, Layout):
         namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
         return {}, (*namesakes, *(map(_advise_to_settle, planning.findings) if namesakes else planning.findings))
-    hosts = {name: desired_state(system, layout, state, places, request.limit) for name, state in states}
+    hosts = {name: desired_state(system, layout, host, places, request.limit) for name, host in seen.items()}
     findings = list(planning.findings)
     for desired in hosts.values():
         findings += [*desired.findings, *ignored_reserves(desired.state, places)]
     return hosts, tuple(findings)
 
 
-def _without_layout(request: PlanRequest, state: State) -> Desired:
+def _without_layout(request: PlanRequest, seen: SeenHost) -> Desired:
     names = {group.name for group in groups_of(request.system)}
     return Desired(
-        observed=state,
-        state=replace(state, partitions=(), tasks=(), responsiveness=None),
-        unnamed=unnamed_partitions(names, request.system.moved, state.of(request.application).partitions),
+        seen=seen,
+        state=replace(seen.state, partitions=(), tasks=(), responsiveness=None),
+        unnamed=unnamed_partitions(names, request.system.moved, seen.own),
     )
 
 
@@ -101,13 +102,12 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
 
 def context_of(request: PlanRequest, desired: Desired) -> HostContext:
     """Make what the steps of a host depend on beside the two states: its guests, disks and grace periods."""
-    system, observed = request.system, desired.observed
+    system, seen, observed = request.system, desired.seen, desired.seen.state
     graces = {name: partition.stop.grace for name, partition in system.partitions.items()}
     stated = {name: partition.guest.windows_build or 0 for name, partition in system.partitions.items()}
     builds: dict[str, int] = {}
-    for partition in observed.of(request.application).partitions:
-        assert partition.mark is not None, "what is ours has a mark"
-        name = system.moved.get(partition.mark.name, partition.mark.name)
+    for marked, partition in seen.present.items():
+        name = system.moved.get(marked, marked)
         builds[partition.id] = partition.guest_build or stated.get(name, 0)
         if partition.settings.running and not partition.can_be_asked:
             graces[name] = Milliseconds(Fraction(0))
@@ -135,12 +135,12 @@ def budget_of(
     Returns:
         The budget; what the plan does not remove from another host, it does not make on this one.
     """
-    here = desired.observed
+    seen = desired.seen
     removes = request.limit is Disruption.REMOVAL
     return StepBudget(
-        capacity=capacity_of(request.system.hosts[desired.host], here.facts),
-        foreign=foreign_claims(here, request.application),
-        managed={partition.id: partition for partition in here.of(request.application).partitions},
+        capacity=seen.capacity,
+        foreign=seen.claims,
+        managed={partition.id: partition for partition in seen.own},
         criticality=context.criticality,
         max_disruption=request.limit,
         graces=context.graces,

@@ -37,6 +37,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Severity, has_errors, in_ord
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, PlanInputs, PlanOrder, Purpose, Step, UnusedPartition
 from rarms_iac.model.plan_names import wrong_name
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
@@ -211,12 +212,12 @@ def _plan_host(
     guests = _guest_tasks(request, desired, rules)
     host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None)
     reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
-    addresses = _addresses(request, desired, (*difference.changes, *guests))
+    addresses = _addresses(desired, (*difference.changes, *guests))
     return host_plan, addresses, (*difference.findings, *stuck, *reviewed)
 
 
-def _addresses(request: PlanRequest, desired: Desired, changes: Sequence[Change | GuestTask]) -> tuple[str, ...]:
-    partitions = (Address(partition=name) for name in sorted(_manifest_partitions(request, desired)))
+def _addresses(desired: Desired, changes: Sequence[Change | GuestTask]) -> tuple[str, ...]:
+    partitions = (Address(partition=name) for name in sorted(_manifest_partitions(desired)))
     tasks = (Address(partition=task.inside, task=task.name) for task in desired.state.tasks)
     return tuple(dict.fromkeys(map(str, (*(change.address for change in changes), *partitions, *tasks))))
 
@@ -224,21 +225,21 @@ def _addresses(request: PlanRequest, desired: Desired, changes: Sequence[Change 
 def _host_plan(
     request: PlanRequest, desired: Desired, difference: Difference, split: HeldChanges, steps: tuple[Step, ...]
 ) -> HostPlan:
-    observed, application = desired.observed, request.application
+    seen, observed, application = desired.seen, desired.seen.state, request.application
     mechanisms = {partition.name: partition.mechanism for partition in desired.partitions if partition.mechanism}
     return HostPlan(
-        host=request.system.hosts[desired.host],
-        facts=observed.facts,
+        host=seen.host,
+        facts=seen.facts,
         state_path=request.state_paths.get(desired.host, ""),
         serial=observed.serials.get(application, 0),
         digests=part_digests(of_the_host_itself(observed), application),
         changes=split.allowed,
         steps=steps,
         held_back=split.held_back,
-        unused=tuple(_unused(observed, application, name) for name in difference.unused),
+        unused=tuple(_unused(seen, name) for name in difference.unused),
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, application, split.allowed, _manifest_partitions(request, desired)),
+        totals=totals_after(observed, application, split.allowed, _manifest_partitions(desired)),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
@@ -248,7 +249,7 @@ def _host_plan(
 
 def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -> tuple[GuestTask, ...]:
     """Return the classes that the guests' scripts write, as far as they are targets, by partition and name."""
-    machines = {vm.mark.name: vm.id for vm in desired.observed.of(request.application).partitions if vm.mark}
+    machines = {name: vm.id for name, vm in desired.seen.present.items()}
     tasks = (
         guest_task(task, rules.replaceable, rules.locate, machines.get(task.inside, "")) for task in desired.by_hand
     )
@@ -259,22 +260,20 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
     )
 
 
-def _manifest_partitions(request: PlanRequest, desired: Desired) -> frozenset[str]:
+def _manifest_partitions(desired: Desired) -> frozenset[str]:
     """Return the partitions of a host that the manifest names: those that it is to have, and those that are there."""
-    own = desired.observed.of(request.application).partitions
-    there = {partition.mark.name for partition in own if partition.mark}
     wanted = {partition.settings.name for partition in desired.state.partitions}
-    return frozenset(there | wanted) - desired.unnamed
+    return frozenset(desired.seen.present.keys() | wanted) - desired.unnamed
 
 
-def _unused(observed: State, application: str, name: str) -> UnusedPartition:
+def _unused(seen: SeenHost, name: str) -> UnusedPartition:
     """Return what a partition still holds that the manifest no longer names."""
-    machine = next(vm for vm in observed.of(application).partitions if vm.mark and vm.mark.name == name)
+    machine = seen.present[name]
     saves = machine.settings.stop_action is StopAction.SAVE
     return UnusedPartition(
         name=name,
         memory_on_disk=machine.settings.memory if saves else 0,
-        disks=tuple(disk.path for disk in observed.disks if disk.machine == machine.id),
+        disks=tuple(disk.path for disk in seen.state.disks if disk.machine == machine.id),
     )
 
 
@@ -289,8 +288,8 @@ def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
 def _difference(request: PlanRequest, desired: Desired, context: HostContext, rules: ManifestRules) -> Difference:
     """Return the changes of the host for this purpose."""
     if request.purpose in {Purpose.APPLY, Purpose.DESTROY}:
-        return compare(desired.state, desired.observed, request.application, context, rules)
-    found = tuple(requested_changes(desired.observed, request, rules.locate))
+        return compare(desired.state, desired.seen.state, request.application, context, rules)
+    found = tuple(requested_changes(desired.seen.state, request, rules.locate))
     findings = tuple(finding for finding in found if isinstance(finding, Diagnostic))
     changes = tuple(change for change in found if not isinstance(change, Diagnostic))
     is_so = not found and request.purpose in {Purpose.IMPORT, Purpose.RELEASE}

@@ -8,6 +8,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.renaming import renaming
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import (
     ID_DIGITS,
     Mark,
@@ -34,8 +35,8 @@ from rarms_iac.storage.marks import set_of_settings, set_of_values
 class Desired:
     """One host as it is and as it is to be, which is what is compared; and what else was decided about it."""
 
-    observed: State
-    state: State
+    seen: SeenHost
+    state: State  # as it is to be
     layout: Layout | None = None  # of all hosts; None: nothing is laid out, as where everything is removed
     unnamed: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer names
     unused: frozenset[str] = frozenset()  # those of them that are in `state`, stopped
@@ -46,7 +47,7 @@ class Desired:
     @property
     def host(self) -> str:
         """The host's name in the manifest."""
-        return self.observed.facts.name
+        return self.seen.name
 
     @property
     def partitions(self) -> tuple[PlacedPartition, ...]:
@@ -54,7 +55,7 @@ class Desired:
         return self.layout.on(self.host) if self.layout else ()
 
 
-def desired_state(system: System, layout: Layout, observed: State, places: Places, limit: Disruption) -> Desired:
+def desired_state(system: System, layout: Layout, seen: SeenHost, places: Places, limit: Disruption) -> Desired:
     """Work out the state that one host is to have, and what the difference must know beside it.
 
     A partition with our mark that is placed on no host is removed where it holds nothing that could be lost, or where
@@ -62,16 +63,14 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     partition that is placed on another host is not in this state, and so it is removed here.
 
     Args:
-        observed: the host as it is now; `observed.facts.name` must be a host of the manifest.
         places: lines of the manifest, for the findings.
         limit: the most that a change may disrupt.
 
     Returns:
         The wanted state with partitions and task classes in the order of their names, and findings about task classes.
     """
-    application = system.application.name
-    here = layout.on(observed.facts.name)
-    there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
+    observed, there = seen.state, seen.present
+    here = layout.on(seen.name)
     current = _current_names(there, {partition.name for partition in here}, system.moved)
     unnamed = unnamed_partitions({partition.name for partition in layout.partitions}, system.moved, there.values())
     may_remove = system.policy.unused is Unused.REMOVE and limit is Disruption.REMOVAL
@@ -81,7 +80,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
     return Desired(
-        observed=observed,
+        seen=seen,
         layout=layout,
         state=State(
             facts=observed.facts,
@@ -90,7 +89,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
             ),
             tasks=tuple(task for task in tasks if task.inside not in unseen),
             serials=observed.serials,
-            responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, system.application),
+            responsiveness=_responsiveness(seen.host, observed, system.application),
         ),
         unused=frozenset(partition.mark.name for partition in unused if partition.mark),
         unnamed=unnamed,

@@ -38,7 +38,7 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
         return
     addresses = plan.changes_by_address
     by_name = {str(address): address for address in addresses}
-    for drift in drift_of_marks(desired.observed, request.application, request.after_last_run(desired.host)):
+    for drift in drift_of_marks(desired.seen.state, request.application, request.after_last_run(desired.host)):
         address = by_name.get(str(drift.address))
         if address is not None:
             yield CHANGED_OUTSIDE.at(
@@ -75,7 +75,7 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
 
 
 def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
-    switches = desired.observed.switches
+    switches = desired.seen.state.switches
     if has_switch(switches, creation.switch) or switches is None:
         return
     known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
@@ -170,7 +170,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
 def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Yield a guest without the service through which it is asked to shut down is turned off, like a pulled plug."""
     mute = {
-        machine.id for machine in desired.observed.partitions if machine.settings.running and not machine.can_be_asked
+        machine.id for machine in desired.seen.state.partitions if machine.settings.running and not machine.can_be_asked
     }
     for step in plan.steps:
         if isinstance(step.operation, StopPartition) and step.address.machine in mute:
@@ -243,7 +243,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
     for change in plan.changes if request.remove_disks else ():
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
             continue
-        for verdict in disk_verdicts(request.system, desired.observed, change.before):
+        for verdict in disk_verdicts(request.system, desired.seen.state, change.before):
             if verdict.reason_to_keep:
                 yield DISK_STAYS.at(
                     change.reason.place,
@@ -262,7 +262,9 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
     if request.remove_disks:
         return
     for step in plan.steps:
-        disks = [disk.path for disk in desired.observed.disks if disk.machine and disk.machine == step.address.machine]
+        disks = [
+            disk.path for disk in desired.seen.state.disks if disk.machine and disk.machine == step.address.machine
+        ]
         if isinstance(step.operation, RemovePartition) and disks:
             yield DISKS_STAY.at(
                 step.place,
@@ -299,7 +301,7 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
 
 def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Yield a partition wider than its host waits for itself, and no reserve is guaranteed to it (windows.md 1.2)."""
-    available = desired.observed.facts.logical_processors
+    available = desired.seen.state.facts.logical_processors
     for change in plan.changes:
         partition = partition_after_change(change)
         if partition is not None and (after := partition.settings).processors > available:

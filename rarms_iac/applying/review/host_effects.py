@@ -7,7 +7,7 @@ from fractions import Fraction
 from rarms_iac.applying.doctor.machines import check_cpu_group, check_unequal_processors
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.state_after import partition_after_change, partitions_after
-from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_first_fit
+from rarms_iac.model.capacity import packs_by_first_fit
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -15,7 +15,6 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
-from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.shared_findings import NEIGHBOURS, NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
@@ -35,7 +34,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
     """Under the core scheduler with SMT a core never runs two machines, so that some reserve more than they can use."""
     costs = {
         partition.settings.name: partition.claim
-        for partition in partitions_after(desired.observed, request.application, plan.changes)
+        for partition in partitions_after(desired.seen.state, request.application, plan.changes)
         if partition.claim.idle_percent
     }
     if plan.changes and costs:
@@ -56,7 +55,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
 
 def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Where NUMA spanning is off, Hyper-V starts no machine that lies on no single node, and its script refuses it."""
-    node = desired.observed.largest_node
+    node = desired.seen.state.largest_node
     for change in plan.changes:
         partition = partition_after_change(change)
         before = change.before.settings.memory if isinstance(change.before, Partition) else 0
@@ -86,11 +85,11 @@ def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]
     after = {change.address: _running_memory(partition_after_change(change)) for change in plan.changes}
     more = {address: memory - before[address] for address, memory in after.items() if memory > before[address]}
     freed = sum(max(0, memory - after[address]) for address, memory in before.items())
-    host_left, node = desired.observed.memory_left, desired.observed.node_left
+    host_left, node = desired.seen.state.memory_left, desired.seen.state.node_left
     if host_left is not None and sum(more.values()) > host_left + freed:
         yield _no_memory_left(desired.host, {str(address): each for address, each in more.items()}, host_left, freed)
         return
-    largest = desired.observed.largest_node
+    largest = desired.seen.state.largest_node
     if node is None or largest is None:
         return
     most = min(largest, node + freed)  # freed memory may be on any node
@@ -142,9 +141,8 @@ def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) ->
     """Find CPU groups that limit unchanged partitions; the plan is refused for changed ones (RARMS152)."""
     if request.purpose is Purpose.APPLY:
         changed = {change.before.id for change in plan.changes if isinstance(change.before, Partition)}
-        own = desired.observed.of(request.application)
-        unchanged = tuple(partition for partition in own.partitions if partition.id not in changed)
-        seen = SeenHost(host=plan.host, application=request.application, state=replace(own, partitions=unchanged))
+        unchanged = tuple(partition for partition in desired.seen.own if partition.id not in changed)
+        seen = replace(desired.seen, state=replace(desired.seen.state, partitions=unchanged))
         for finding in check_cpu_group(seen):
             yield replace(finding, place=request.places.key("hosts", desired.host))
 
@@ -152,9 +150,7 @@ def review_cpu_groups(request: PlanRequest, desired: Desired, plan: HostPlan) ->
 def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
     """Find hosts whose logical processors are unequal: a reserve counts all alike."""
     if request.purpose is Purpose.APPLY:
-        host = request.system.hosts[desired.host]
-        seen = SeenHost(host=host, application=request.application, state=desired.observed)
-        for finding in check_unequal_processors(seen):
+        for finding in check_unequal_processors(desired.seen):
             yield replace(finding, place=request.places.key("hosts", desired.host))
 
 
@@ -165,10 +161,10 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
     """
     if plan.host.provider is not ProviderKind.HYPERV or not plan.changes:
         return
-    partitions = partitions_after(desired.observed, request.application, plan.changes)
+    partitions = partitions_after(desired.seen.state, request.application, plan.changes)
     managed = [partition.claim for partition in partitions if partition.settings.running]
-    claims = (*foreign_claims(desired.observed, request.application), *managed)
-    if managed and not packs_by_first_fit(claims, capacity_of(plan.host, desired.observed.facts)):
+    claims = (*desired.seen.claims, *managed)
+    if managed and not packs_by_first_fit(claims, desired.seen.capacity):
         yield NO_ORDER.of_host(
             desired.host,
             "On {host} the virtual processors fit only if they are placed cleverly. A script places the "
@@ -186,16 +182,16 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     """
     if request.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
         return  # a mark is written or erased, and no share changes; what starts again had it before
-    managed = desired.observed.of(request.application).partitions
+    managed = desired.seen.own
     unmanaged = [
-        machine for machine in desired.observed.partitions if machine.settings.running and machine not in managed
+        machine for machine in desired.seen.state.partitions if machine.settings.running and machine not in managed
     ]
     managed_before = (partition.settings for partition in managed)
     others = [machine.settings for machine in unmanaged]
     before = [*others, *(settings for settings in managed_before if settings.running)]
-    remaining = partitions_after(desired.observed, request.application, plan.changes)
+    remaining = partitions_after(desired.seen.state, request.application, plan.changes)
     after = [*others, *(partition.settings for partition in remaining if partition.settings.running)]
-    available = desired.observed.facts.logical_processors
+    available = desired.seen.state.facts.logical_processors
     losers: dict[str, str] = {}  # by machine id
     for machine in unmanaged:
         settings = machine.settings
@@ -262,7 +258,7 @@ def classes_above(request: PlanRequest, desired: Desired, plan: HostPlan) -> Ite
     for thread in plan.threads:
         lowest[thread.inside] = min(thread.thread_priority, lowest.get(thread.inside, thread.thread_priority))
     robotic = {(thread.inside, thread.task.lower()) for thread in plan.threads}
-    for task in desired.observed.tasks:
+    for task in desired.seen.state.tasks:
         is_managed = task.record is not None and task.record.application == request.application
         if is_managed or task.inside not in lowest or (task.inside, task.name.lower()) in robotic:
             continue

@@ -16,6 +16,7 @@ from rarms_iac.model.changes import Address, Delete, Reason, Update
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass, UndoLevel
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import (
     Disk,
     DiskKind,
@@ -179,7 +180,7 @@ def reviewed(*tasks: TaskClass, plan: HostPlan) -> tuple[PlanRequest, Desired, H
     system = a_system()
     observed = State(facts=build.facts(), tasks=tasks)
     request = a_request(replace(system, application=replace(system.application, name="robot")))
-    return request, Desired(observed=observed, state=observed), plan
+    return request, Desired(seen=SeenHost(host=a_host(), application="robot", state=observed), state=observed), plan
 
 
 def names(*tasks: TaskClass) -> list[tuple[str, int]]:
@@ -237,7 +238,15 @@ def test_classes_are_listed_with_who_names_them() -> None:
     observed = State(facts=build.facts())
     layout = Layout(partitions=(build.placed_partition("body", components=("leg", "arm", "eye")),), on_hosts=())
 
-    found = threads_of(Desired(observed=observed, state=observed, layout=layout, classes=decided), system)
+    found = threads_of(
+        Desired(
+            seen=SeenHost(host=a_host(), application="robot", state=observed),
+            state=observed,
+            layout=layout,
+            classes=decided,
+        ),
+        system,
+    )
 
     assert [
         (thread_class.inside, thread_class.task.lower(), thread_class.thread_priority, thread_class.components)

@@ -15,11 +15,12 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import CreatePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, PartitionSettings, State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired
 from tests import builders_plan as build
-from tests.builders import a_component, a_cpu, a_partition, a_system
+from tests.builders import a_component, a_cpu, a_host, a_partition, a_system
 from tests.builders_plan import facts, partition, settings
 from tests.planning import a_request
 
@@ -51,7 +52,8 @@ def findings(
         memory_left=left[0],
         node_left=left[1],
     )
-    desired = Desired(observed=observed, state=observed, layout=layout)
+    seen = SeenHost(host=a_host(), application="robot", state=observed)
+    desired = Desired(seen=seen, state=observed, layout=layout)
     return list(review_plan(replace(request, purpose=purpose), desired, plan))
 
 
@@ -282,10 +284,11 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
     ]
     plan = build.host_plan(changes=changes, steps=())
     observed = State(facts=facts(logical_processors=8), partitions=())
+    host = replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)
     found = review_plan(
         a_request(a_system(components=[a_component()])),
-        Desired(observed=observed, state=observed),
-        replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
+        Desired(seen=SeenHost(host=host, application="robot", state=observed), state=observed),
+        replace(plan, host=host),
     )
     return [finding for finding in told(list(found)) if finding[0] == "RARMS154"]
 
