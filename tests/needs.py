@@ -54,6 +54,11 @@ def _program(*names: str) -> Callable[[], str]:
     return lambda: "" if any(map(shutil.which, names)) else f"{' or '.join(names)} is not installed"
 
 
+def _package(name: str, called: str) -> Callable[[], str]:
+    """Return a probe for a Python package."""
+    return lambda: "" if importlib.util.find_spec(name) else f"{called} is not installed"
+
+
 def _no_robot() -> str:
     if not ROBOT_PYTHON.is_file():
         return "the Linux robot's programs are not installed: scripts/make-robot"
@@ -92,29 +97,17 @@ def _no_mounts() -> str:
 
 
 NEEDS: dict[str, Need] = {
-    "ansible": Need(
-        missing=lambda: "" if importlib.util.find_spec("ansible") else "ansible-core is not installed",
-        obtainable=_on_posix,
-    ),
-    "axe": Need(
-        missing=lambda: "" if importlib.util.find_spec("axe_core_python") else "axe-core-python is not installed",
-        obtainable=_on_linux,
-    ),
+    "ansible": Need(missing=_package("ansible", "ansible-core"), obtainable=_on_posix),
+    "axe": Need(missing=_package("axe_core_python", "axe-core-python"), obtainable=_on_linux),
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
     "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
-    "cmarkgfm": Need(
-        missing=lambda: "" if importlib.util.find_spec("cmarkgfm") else "cmarkgfm is not installed",
-        obtainable=_on_linux,
-    ),
+    "cmarkgfm": Need(missing=_package("cmarkgfm", "cmarkgfm"), obtainable=_on_linux),
     "control-groups": Need(
         missing=lambda: "" if _writable_control_groups() else "no control group is writable here",
         obtainable=lambda: bool(_writable_control_groups()),
     ),
     "git": Need(missing=_program("git"), obtainable=_on_posix),
-    "highspy": Need(
-        missing=lambda: "" if importlib.util.find_spec("highspy") else "highspy is not installed",
-        obtainable=_on_linux,
-    ),
+    "highspy": Need(missing=_package("highspy", "highspy"), obtainable=_on_linux),
     "libreoffice": Need(missing=_program("soffice", "libreoffice"), obtainable=_on_linux),
     "linux-machine": Need(
         missing=lambda: next(filter(None, (_program(name)() for name in LINUX_MACHINE)), ""), obtainable=_on_linux
@@ -129,10 +122,7 @@ NEEDS: dict[str, Need] = {
         missing=lambda: _program("podman")() or _program("runc")() or _program("busybox")(), obtainable=_on_linux
     ),
     "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
-    "pre-commit": Need(
-        missing=lambda: "" if importlib.util.find_spec("pre_commit") else "pre-commit is not installed",
-        obtainable=_on_posix,
-    ),
+    "pre-commit": Need(missing=_package("pre_commit", "pre-commit"), obtainable=_on_posix),
     "robot": Need(missing=_no_robot, obtainable=_on_linux),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
