@@ -315,14 +315,13 @@ def check_layout(problem: Problem, chosen: ChosenLayout) -> Layout:
         reserved, moves = objective_of(items, hosts)
         is_bound = chosen.reserved_bound <= reserved and chosen.moves_bound <= moves
         if is_bound and hosts_can_hold(items, each.bins, hosts):
-            packing = Packing(
-                host_of=hosts,
+            placement = Placement(
                 reserved=reserved,
                 reserved_bound=chosen.reserved_bound,
                 moves=moves,
                 moves_bound=chosen.moves_bound,
             )
-            return _layout(problem, packing)
+            return _layout(problem, Packing(host_of=hosts, placement=placement))
     raise LayoutRefused
 
 
@@ -331,19 +330,7 @@ def _layout(problem: Problem, packing: Packing) -> Layout:
     return Layout(
         partitions=tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name))),
         on_hosts=_on_hosts(problem.system),
-        placement=_placement(packing, problem.items),
-    )
-
-
-def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
-    """How good the packing is; None where there was nothing to choose."""
-    if all(len(item.claims) == 1 for item in items):
-        return None
-    return Placement(
-        reserved=packing.reserved,
-        reserved_bound=packing.reserved_bound,
-        moves=packing.moves,
-        moves_bound=packing.moves_bound,
+        placement=None if all(len(item.claims) == 1 for item in problem.items) else packing.placement,
     )
 
 

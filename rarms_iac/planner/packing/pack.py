@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import Effort, decide_fit
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.layout import Placement
 from rarms_iac.planner.packing.assignment import Assignment, find_by_repacking
 from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit, exceeds_capacity, lower_bound
 from rarms_iac.planner.packing.highs import Nodes, is_installed, minimise
@@ -223,20 +224,15 @@ def _forced_hosts(items: Sequence[Item]) -> dict[str, str] | None:
 
 
 def _packing(host_of: Mapping[str, str], objective: Objective, bound: Objective) -> Packing:
-    return Packing(
-        host_of=host_of,
-        reserved=objective[0],
-        reserved_bound=bound[0],
-        moves=objective[1],
-        moves_bound=bound[1],
-    )
+    placement = Placement(reserved=objective[0], reserved_bound=bound[0], moves=objective[1], moves_bound=bound[1])
+    return Packing(host_of=host_of, placement=placement)
 
 
 def _first_of_equals(packing: Packing, items: Sequence[Item], bins: Sequence[Bin]) -> Packing:
     """Of the packings that are as good the first by name, where that is quickly found."""
-    if not packing.proven:
+    if not packing.placement.proven:
         return packing
-    host_of = first_by_name(items, bins, (packing.reserved, packing.moves))
+    host_of = first_by_name(items, bins, (packing.placement.reserved, packing.placement.moves))
     return packing if host_of is None else replace(packing, host_of=host_of)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.capacity import Capacity, decide_fit
 from rarms_iac.model.claims import WHOLE, Claim, Load, load_of
+from rarms_iac.model.layout import Placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,18 +28,10 @@ class Bin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Packing:
-    """A host for each partition, with what no packing is below."""
+    """A host for each partition, and how good that is."""
 
     host_of: Mapping[str, str]  # by the partition's name
-    reserved: int  # in all, in per cent of one logical processor
-    reserved_bound: int  # no packing reserves less
-    moves: int
-    moves_bound: int  # no packing that reserves at most as much moves fewer
-
-    @property
-    def proven(self) -> bool:
-        """Whether no packing is better."""
-        return (self.reserved, self.moves) == (self.reserved_bound, self.moves_bound)
+    placement: Placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

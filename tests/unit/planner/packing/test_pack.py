@@ -76,8 +76,9 @@ def test_small_packings_are_optimal_and_first() -> None:
             assert packing.proven
             assert not every, seed
         else:
-            assert packing.proven
-            assert (packing.reserved, packing.moves, tuple(packing.host_of.values())) == min(every), seed
+            assert packing.placement.proven
+            objective = packing.placement.reserved, packing.placement.moves
+            assert (*objective, tuple(packing.host_of.values())) == min(every), seed
     assert 100 < solved < 390, "some have a packing, and some have none"
 
 
@@ -103,7 +104,7 @@ def test_tight_packings_are_found(seed: int) -> None:
     packing = pack(items, bins)
 
     assert isinstance(packing, Packing)
-    assert packing.proven
+    assert packing.placement.proven
     assert hosts_can_hold(items, bins, packing.host_of)
     assert packing == pack(items[::-1], bins[::-1]), "order does not matter"
 
@@ -138,7 +139,7 @@ def test_first_fit_without_solver_proves_nothing(monkeypatch: pytest.MonkeyPatch
     packing = pack(items, [a_bin("host0", 1), a_bin("host1", 1)])
 
     assert isinstance(packing, Packing)
-    assert (packing.reserved, packing.reserved_bound, packing.proven) == (130, 120, False)
+    assert (packing.placement.reserved, packing.placement.reserved_bound, packing.placement.proven) == (130, 120, False)
     assert pack(*a_tight_fleet(0)) == NoPacking(proven=False)
 
 
@@ -174,11 +175,11 @@ def test_unproven_says_its_distance() -> None:
     packing = pack(items, bins, node_budget=1)
 
     assert isinstance(packing, Packing)
-    assert packing.reserved_bound <= packing.reserved
+    assert packing.placement.reserved_bound <= packing.placement.reserved
     best = pack(items, bins)
     assert isinstance(best, Packing)
-    assert best.proven
-    assert packing.reserved_bound <= best.reserved <= packing.reserved
+    assert best.placement.proven
+    assert packing.placement.reserved_bound <= best.placement.reserved <= packing.placement.reserved
 
 
 CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
@@ -191,7 +192,7 @@ def test_very_many_partitions_are_packed() -> None:
     packing = pack([Item(name=f"p{number:04}", claims=claims) for number in range(1_200)], bins)
 
     assert isinstance(packing, Packing)
-    assert packing.proven
+    assert packing.placement.proven
     assert set(packing.host_of.values()) == {"left"}
 
 
