@@ -10,7 +10,7 @@ from rarms_iac.model.system import AtLeast, AtMost, PartitionRequest, System
 from rarms_iac.planner.infeasibility.relaxations import _is_too_little
 from rarms_iac.planner.layout import describe_possibility, in_a_list
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
-from tests.unit.planner.test_verdicts import Logs, a_log, planned
+from tests.unit.planner.test_verdicts import Logs, a_data_log, planned
 
 APT = {"mean_response_time": at_most(100)}
 LINE = re.compile(r"([a-z]+): mean_response_time at most ([0-9.]+) ms instead of 100 ms")
@@ -47,7 +47,7 @@ def fits(system: System, logs: Logs) -> bool:
 
 def logs_of(**means: dict[int, float]) -> Logs:
     """The logs of these components: by reserve, what their jobs take on the average."""
-    return {(name,): a_log(curve, name) for name, curve in means.items()}
+    return {(name,): a_data_log(curve, name) for name, curve in means.items()}
 
 
 LOGS = logs_of(path={10: 200, 20: 90}, speech={30: 140, 40: 90}, vision={30: 210, 50: 90})
