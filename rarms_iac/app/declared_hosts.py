@@ -15,12 +15,12 @@ from rarms_iac.app.hosts import observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import UseCaseError
-from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Infeasible, LookedUp, PlacedPartition
 from rarms_iac.model.quantities import in_processors
+from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.shared_findings import OVER_HOST, UNUSABLE_RESERVE
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Measured, RunsOn, System
@@ -154,7 +154,7 @@ def _is_about(group: Group, addresses: Collection[str]) -> bool:
 
 def _exceeds_all_hosts(system: System) -> bool:
     """Whether what components fix is more than all hosts together have, each reserve on the host where it is least."""
-    capacities = [capacity_of(host, None) for host in system.hosts.values()]
+    capacities = [unseen(host).capacity for host in system.hosts.values()]
     inside = [component for component in system.components.values() if component.runs_on is RunsOn.PARTITION]
     fewest = min(host.logical_processors for host in system.hosts.values())
     reserves = Counter(component.cpu.reserve for component in inside)

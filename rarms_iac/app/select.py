@@ -13,7 +13,6 @@ from rarms_iac.app.manifest_files import FileEdit, edit_levels, write_edits
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import argument, flag, option
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
@@ -22,6 +21,7 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
+from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import quoted, suggestion
@@ -151,7 +151,7 @@ def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int,
 
 def _limit(log: MeasuredTogether, host: Host) -> int:
     """Return the highest CR that the host can give."""
-    return min(100, int(100 * capacity_of(host, None).processors / log.processors))
+    return min(100, int(100 * unseen(host).capacity.processors / log.processors))
 
 
 def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:

@@ -92,24 +92,19 @@ def foreign_claimants(state: State, application: str) -> tuple[Partition, ...]:
     )
 
 
-def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
+def capacity_of(host: Host, facts: HostFacts) -> Capacity:
     """Return the capacity of a host by the manifest, or by what was observed where that is less.
-
-    Args:
-        facts: what was observed of it; None: not looked at.
 
     Returns:
         What may be promised, `keep_for_host` taken off; nothing is below 0.
     """
-    processors, memory = host.logical_processors, int(host.memory)
-    if facts is not None:
-        processors, memory = min(processors, facts.logical_processors), min(memory, facts.memory)
+    processors, memory = min(host.logical_processors, facts.logical_processors), min(int(host.memory), facts.memory)
     withheld = in_processors(host.keep_for_host.processor, host.logical_processors)
     return Capacity(
         logical_processors=processors,
         processors=LogicalProcessors(max(Fraction(0), processors - withheld)),
         memory=Bytes(max(0, memory - host.keep_for_host.memory)),
-        sharing=ANY_THREAD if facts is None else core_sharing(facts),
+        sharing=core_sharing(facts),
     )
 
 

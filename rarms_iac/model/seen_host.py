@@ -133,7 +133,7 @@ class SeenHost:
         return core_sharing(self.facts) if there is None else there.sharing
 
 
-def unseen(host: Host, application: str) -> SeenHost:
+def unseen(host: Host, application: str = "") -> SeenHost:
     """Return a host without a look: it is empty, and has what the manifest says."""
     facts = HostFacts(
         name=host.name,

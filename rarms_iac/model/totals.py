@@ -99,18 +99,17 @@ class HostTotals:
         return self.memory - self.kept_memory - self.promised.memory - self.promised.others_memory
 
 
-def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTotals:
+def host_totals(host: Host, facts: HostFacts, promised: Totals) -> HostTotals:
     """Set what a host has promised against what it has.
 
     Args:
-        facts: what was observed of the host; None: it was not observed, and the manifest alone counts.
         promised: as `totals_of` adds it up.
 
     Returns:
         The host's totals.
     """
     capacity = capacity_of(host, facts)
-    memory = int(host.memory) if facts is None else min(int(host.memory), facts.memory)
+    memory = min(int(host.memory), facts.memory)
     return HostTotals(
         host_lp=capacity.logical_processors,
         memory=memory,

@@ -10,6 +10,7 @@ from rarms_iac.model.capacity import Capacity, capacity_of, core_sharing, decide
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, load_of
 from rarms_iac.model.host import SERVER_2019, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.model.seen_host import unseen
 from tests.builders import a_capacity, a_host
 from tests.strategies import facts_for
 
@@ -70,7 +71,7 @@ def test_the_smaller_of_manifest_and_fact_counts() -> None:
     found = capacity_of(host, facts_for(host, logical_processors=2))
 
     assert found == Capacity(logical_processors=2, processors=LogicalProcessors(Fraction(1)), memory=Bytes(3 * 2**30))
-    assert capacity_of(host, None).processors == 3
+    assert unseen(host, "robot").capacity.processors == 3
 
 
 SMT = {"smt": True, "scheduler": SchedulerType.CORE}
