@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, leader, processors_of, total
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members, leader, processors_of, total
 from rarms_iac.planner.combining.paper import Sharing
 
 if TYPE_CHECKING:
@@ -272,38 +272,6 @@ def named(members: Members) -> str:
     return "+".join(members)
 
 
-def graph_of(candidates: Candidates) -> "nx.DiGraph":
-    """Build the candidate graph for networkx.
-
-    Args:
-        candidates: with what the answers so far say.
-
-    Returns:
-        A graph whose nodes are CoIs and compounds, by the name that `named` writes. Edges lead from a CoI into each
-            compound of it. Every node has `compound` (bool), `low` and `high` (CR in whole per cent); a compound also
-            has `passed`, `failed` (CR; None: not measured) and `is_gain`.
-    """
-    import networkx as nx
-
-    graph = nx.DiGraph()
-    for coi in candidates.cois:
-        graph.add_node(named(coi.members), compound=False, low=coi.reserve, high=coi.reserve)
-    for each in candidates.by_mask.values():
-        high = each.highest if each.passed is None else min(each.passed, WHOLE)
-        graph.add_node(
-            named(each.coi.members),
-            compound=True,
-            low=each.low,
-            high=high,
-            passed=each.passed,
-            failed=each.failed,
-            is_gain=each.is_gain,
-        )
-        for part in candidates.members(each.mask):
-            graph.add_edge(named(part.members), named(each.coi.members))
-    return graph
-
-
 TO_BE_MEASURED = "to be measured"
 
 
@@ -341,7 +309,6 @@ def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Nod
     Returns:
         CoIs first, the least critical first; then compounds, by number of parts and then by name.
     """
-    graph = graph_of(candidates)
     cois = [
         Node(
             name=named(coi.members),
@@ -358,15 +325,15 @@ def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Nod
     compounds = sorted(
         candidates.by_mask.values(), key=lambda candidate: (candidate.mask.bit_count(), candidate.coi.members)
     )
-    parts = {compound.mask: tuple(sorted(graph.predecessors(named(compound.coi.members)))) for compound in compounds}
-    return (*cois, *(_compound(compound, parts[compound.mask], predicted.get(compound.mask)) for compound in compounds))
+    return (*cois, *(_compound(compound, candidates, predicted.get(compound.mask)) for compound in compounds))
 
 
-def _compound(candidate: Candidate, parts: tuple[str, ...], predicted: int | None) -> Node:
+def _compound(candidate: Candidate, candidates: Candidates, predicted: int | None) -> Node:
+    parts = (named(part.members) for part in candidates.members(candidate.mask))
     return Node(
         name=named(candidate.coi.members),
         members=candidate.coi.members,
-        parts=parts,
+        parts=tuple(sorted(parts)),
         low=candidate.low,
         high=candidate.highest if candidate.passed is None else min(candidate.passed, candidate.highest),
         predicted=None if candidate.is_known else predicted,

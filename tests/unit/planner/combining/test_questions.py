@@ -9,7 +9,7 @@ import pytest
 
 from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.candidates import candidates_of, graph_of, informed
+from rarms_iac.planner.combining.candidates import Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
@@ -311,6 +311,10 @@ def test_other_measurements_count_with_an_answer() -> None:
     assert contradiction.message == "b+c meets its thresholds with less than b needs"
 
 
+def nodes(of: Sequence[Coi]) -> dict[str, Node]:
+    return {node.name: node for node in nodes_of(candidates_of(of, anyone, most=100), {})}
+
+
 def test_compound_is_searched_down_to_known_misses() -> None:
     of = tuple(replace(coi, missed=missed) for coi, missed in zip(cois(a=40, b=30), (34, None), strict=True))
     found, trail = search(tuning_of(of, objective(of, 60), anyone), Inquiry(oracle=Needs({("a", "b"): 36})))
@@ -318,7 +322,7 @@ def test_compound_is_searched_down_to_known_misses() -> None:
     assert isinstance(found, Best)
     assert (found.proved, found.total, found.cois[0].missed) == (True, 36, None)
     assert min(answer.reserve for answer in trail) == 35
-    assert graph_of(candidates_of(of, anyone, most=100)).nodes["a+b"]["low"] == 35
+    assert nodes(of)["a+b"].low == 35
 
 
 def test_of_many_only_least_critical_are_looked_at() -> None:
@@ -332,11 +336,11 @@ def test_of_many_only_least_critical_are_looked_at() -> None:
 
 
 def test_the_candidate_graph_has_compounds_with_their_intervals() -> None:
-    graph = graph_of(candidates_of(cois(a=40, b=30, c=20), anyone, most=100))
+    graph = nodes(cois(a=40, b=30, c=20))
 
-    assert graph.nodes["a"] == {"compound": False, "low": 40, "high": 40}
-    assert (graph.nodes["a+b"]["low"], graph.nodes["a+b"]["high"]) == (40, 69)
-    assert sorted(graph.predecessors("a+b+c")) == ["a", "b", "c"]
+    assert (graph["a"].parts, graph["a"].low, graph["a"].high) == ((), 40, 40)
+    assert (graph["a+b"].low, graph["a+b"].high) == (40, 69)
+    assert graph["a+b+c"].parts == ("a", "b", "c")
 
 
 def test_single_threads_can_share_a_core() -> None:
