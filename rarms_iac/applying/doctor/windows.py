@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.applying.doctor.machines import finding_about
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.commands import APPLY, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -31,7 +30,7 @@ _NEEDED_POWERSHELL = (5, 1)
 
 
 def check_preconditions(host: SeenHost) -> Iterator[Diagnostic]:
-    """Rights must be proven, and the scheduler must honour reserves: plans ask for the same.
+    """Find missing rights, and a scheduler that ignores reserves: plans ask for the same.
 
     Linux schedules control groups itself; whether they may be made is asked where they are made.
     """
@@ -47,96 +46,91 @@ def check_hypervisor(host: SeenHost) -> Iterator[Diagnostic]:
     """Find a missing role or hypervisor. Windows has the role and starts the hypervisor before it (windows.md 2, 5)."""
     condition = host.condition
     if condition.role is False:
-        yield finding_about(
-            host,
-            LACKS,
-            f"{host.name}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
+        yield LACKS.of_host(
+            host.name,
+            "{host}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
             "Hyper-V is not installed.",
             "Install it: on a server `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart`, on a "
             "client `Enable-WindowsOptionalFeature -Online -FeatureName Microsoft-Hyper-V -All`. If this is the "
             "Windows inside a machine, look at its host instead.",
-            {"role": False},
+            role=False,
         )
     elif condition.hypervisor_running is False:
-        yield finding_about(
-            host,
-            LACKS,
-            f"{host.name} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
+        yield LACKS.of_host(
+            host.name,
+            "{host} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
             "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
             "firmware (VT-x or AMD-V, and NX), then restart the host.",
-            {"role": True},
+            role=True,
         )
 
 
 def check_elevation(host: SeenHost) -> Iterator[Diagnostic]:
-    """Hyper-V Administrators see machines; scripts also write HKLM and a folder of Administrators (windows.md 5)."""
+    """Find a caller without elevation: scripts write HKLM, which Hyper-V Administrators may not (windows.md 5)."""
     if host.state.facts.rights is Rights.PROVEN and host.condition.elevated is False:
         group = " as a member of Hyper-V Administrators" if host.condition.hyperv_administrator else ""
-        yield finding_about(
-            host,
-            NOT_ELEVATED,
-            f"{host.name} was looked at{group} without elevation: that is enough to plan, and scripts that change the "
-            "host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
+        yield NOT_ELEVATED.of_host(
+            host.name,
+            "{host} was looked at{_group} without elevation: that is enough to plan, and scripts that change "
+            "the host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
             prose(
                 "Run ",
                 APPLY,
                 ' from a prompt that was opened with "Run as administrator", or over ssh as an administrator '
                 "of the host.",
             ),
-            {"hyperv_administrator": bool(host.condition.hyperv_administrator)},
+            hyperv_administrator=bool(host.condition.hyperv_administrator),
+            _group=group,
         )
 
 
 def check_free_memory(host: SeenHost) -> Iterator[Diagnostic]:
-    """Yield a machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
+    """Compare free memory with the need of the partitions that are off; without it none starts (windows.md 5)."""
     available = host.state.memory_left
     off = [
         machine for machine in host.state.partitions if machine.mark and machine.state in (RunState.OFF, RunState.SAVED)
     ]
     wanted = sum(machine.settings.memory for machine in off)
     if available is not None and wanted > available:
-        yield finding_about(
-            host,
-            LITTLE_MEMORY,
-            f"{host.name} has {show_bytes(available, wanted)} of memory for machines left, and "
-            f"{in_a_row([machine.settings.name for machine in off])} "
-            f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted, available)} to start.",
+        yield LITTLE_MEMORY.of_host(
+            host.name,
+            "{host} has {_has} of memory for machines left, and {_names} {_verb} {_needs} to start.",
             "Stop other programs and machines there, give partitions less memory in the manifest, or add memory to the "
             "host.",
-            {
-                "partitions": tuple(machine.settings.name for machine in off),
-                "has_memory_bytes": available,
-                "needs_memory_bytes": wanted,
-            },
+            partitions=tuple(machine.settings.name for machine in off),
+            has_memory_bytes=available,
+            needs_memory_bytes=wanted,
+            _has=show_bytes(available, wanted),
+            _names=in_a_row([machine.settings.name for machine in off]),
+            _verb="needs" if len(off) == 1 else "need",
+            _needs=show_bytes(wanted, available),
         )
 
 
 def check_counters(host: SeenHost) -> Iterator[Diagnostic]:
-    """Measuring records the hypervisor's counters as proof of contention (windows.md 8)."""
+    """Find missing counters of the hypervisor: measuring records them as proof of contention (windows.md 8)."""
     if host.condition.counters is False and host.condition.hypervisor_running:
-        yield finding_about(
-            host,
-            NO_COUNTERS,
-            f"{host.name}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
+        yield NO_COUNTERS.of_host(
+            host.name,
+            "{host}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
             "whether a partition got its reserve.",
             "Have Windows register them anew, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
         )
 
 
 def check_running_script(host: SeenHost) -> Iterator[Diagnostic]:
-    """Yield what is looked at in the middle of a run is neither as before nor as after it."""
+    """Find a script of rarms that runs: the host is neither as before nor as after it."""
     if host.condition.script_running:
-        yield finding_about(
-            host,
-            SCRIPT_RUNNING,
-            f"{host.name}: a script of rarms is running there (it has "
-            "%ProgramData%\\rarms\\owner.txt open, which says whose it is): what was seen may be half of what it does.",
+        yield SCRIPT_RUNNING.of_host(
+            host.name,
+            "{host}: a script of rarms is running there (it has %ProgramData%\\rarms\\owner.txt open, which "
+            "says whose it is): what was seen may be half of what it does.",
             "Wait until it has ended, then look again.",
         )
 
 
 def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
-    """SystemResponsiveness says how much of a processor MMCSS leaves to everybody else (windows.md 6.1)."""
+    """Check SystemResponsiveness, the part of a processor that MMCSS leaves to everybody else (windows.md 6.1)."""
     value = host.condition.responsiveness
     if value is None:
         return
@@ -149,12 +143,14 @@ def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
         problem = f"{value.data}, which Windows takes for {effective}"
     else:
         return
-    yield finding_about(
-        host,
-        RESPONSIVENESS_VALUE,
-        f"{host.name}: SystemResponsiveness is {problem}. Task classes of components with `runs_on: host` rest on it.",
+    yield RESPONSIVENESS_VALUE.of_host(
+        host.name,
+        "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` rest on it.",
         "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
-        {"value": str(value.data), "type": value.kind.value, "taken_percent": effective},
+        value=str(value.data),
+        type=value.kind.value,
+        taken_percent=effective,
+        _problem=problem,
     )
 
 
@@ -166,12 +162,11 @@ def effective_responsiveness(value: RegistryValue) -> int:
 
 
 def check_module(host: SeenHost) -> Iterator[Diagnostic]:
-    """Scripts are made of the cmdlets of the module Hyper-V."""
+    """Find a missing module Hyper-V: scripts are made of its cmdlets."""
     if host.condition.module == ():
-        yield finding_about(
-            host,
-            LACKS,
-            f"{host.name}: its PowerShell has no module Hyper-V.",
+        yield LACKS.of_host(
+            host.name,
+            "{host}: its PowerShell has no module Hyper-V.",
             "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
             "-IncludeManagementTools`), on a client Windows the feature "
             "`Microsoft-Hyper-V-Management-PowerShell`.",
@@ -179,30 +174,28 @@ def check_module(host: SeenHost) -> Iterator[Diagnostic]:
 
 
 def check_core_scheduler(host: SeenHost) -> Iterator[Diagnostic]:
-    """With SMT, the core scheduler never shares a core between machines (windows.md 2)."""
+    """Find the core scheduler with SMT: it never shares a core between machines (windows.md 2)."""
     facts = host.state.facts
     if facts.smt and facts.scheduler is SchedulerType.CORE:
-        yield finding_about(
-            host,
-            CORE_SCHEDULER,
-            f"{host.name} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
+        yield CORE_SCHEDULER.of_host(
+            host.name,
+            "{host} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
             "processor of a machine without SMT of its own takes both its threads.",
             "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2). Plans "
             "count whole cores.",
-            {"scheduler": facts.scheduler.value},
+            scheduler=facts.scheduler.value,
         )
 
 
 def check_powershell_version(host: SeenHost) -> Iterator[Diagnostic]:
-    """Scripts run on Windows PowerShell 5.1 and on PowerShell 7; a version that is no number is too old."""
+    """Find a PowerShell that runs no scripts of rarms; a version that is not a number is too old."""
     version = host.condition.powershell
     if version is not None and _version_numbers(version) < _NEEDED_POWERSHELL:
-        yield finding_about(
-            host,
-            LACKS,
-            f"{host.name} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
+        yield LACKS.of_host(
+            host.name,
+            "{host} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
             "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
-            {"version": version},
+            version=version,
         )
 
 
@@ -242,46 +235,51 @@ def _policy_finding(host: SeenHost, problem: str, *, is_group_policy: bool) -> D
             "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`; "
             "`Unblock-File SCRIPT` first where it came by mail or a browser, which mark it."
         )
-    return finding_about(host, EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice, {"reason": problem})
+    return EXECUTION_POLICY.of_host(
+        host.name,
+        "{host}: {reason}. {_effect}",
+        advice,
+        reason=problem,
+        _effect=effect,
+    )
 
 
 def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
-    """Yield a 32-bit process is shown another registry (windows.md 6.6)."""
+    """Find a look by a 32-bit process, which is shown another registry (windows.md 6.6)."""
     bits = host.condition.bits
     if bits is not None and bits < 64:
-        yield finding_about(
-            host,
-            LACKS,
-            f"{host.name} was looked at by a PowerShell of {bits} bits: Windows shows it another part of "
-            "the registry, so its task classes are not those that count.",
+        yield LACKS.of_host(
+            host.name,
+            "{host} was looked at by a PowerShell of {bits} bits: Windows shows it another part of the "
+            "registry, so its task classes are not those that count.",
             "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
             "SysWOW64 or of a 32-bit program.",
-            {"bits": bits},
+            bits=bits,
         )
 
 
 def check_minroot(host: SeenHost) -> Iterator[Diagnostic]:
-    """Under minroot the root partition has only some of the logical processors (windows.md 2)."""
+    """Find minroot, under which the root partition has only some of the logical processors (windows.md 2)."""
     total, visible = host.state.facts.logical_processors, host.condition.seen_processors
     if visible is not None and visible != total:
-        yield finding_about(
-            host,
-            MINROOT,
-            f"{host.name}: its own Windows sees {visible} logical processors, the hypervisor has "
-            f"{total}. Machines may still run on those of the host.",
+        yield MINROOT.of_host(
+            host.name,
+            "{host}: its own Windows sees {seen_lp} logical processors, the hypervisor has {host_lp}. "
+            "Machines may still run on those of the host.",
             "Nothing, if `bcdedit /set hypervisorrootproc` is meant; components with `runs_on: host` have only these.",
-            {"host_lp": total, "seen_lp": visible},
+            host_lp=total,
+            seen_lp=visible,
         )
 
 
 def check_unread_probes(host: SeenHost) -> Iterator[Diagnostic]:
     """Report what could not be read, so that silence means something."""
     for subject, why in sorted(host.condition.unread.items()):
-        yield finding_about(
-            host,
-            UNREAD_PROBE,
-            f"{host.name}: {subject} could not be read: {why}.",
+        yield UNREAD_PROBE.of_host(
+            host.name,
+            "{host}: {subject} could not be read: {reason}.",
             "Look again as a member of Administrators in an elevated PowerShell; what the host does not have is no "
             "problem.",
-            {"subject": subject, "reason": why},
+            subject=subject,
+            reason=why,
         )
