@@ -103,7 +103,6 @@ function Get-AnswerList {
             cpu = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMProcessor -VM $script:Asked }
             memory = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMMemory -VM $script:Asked }
             disks = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMHardDiskDrive -VM $script:Asked }
-            adapters = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMNetworkAdapter -VM $script:Asked }
             checkpoints = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMSnapshot -VM $script:Asked }
         }
     }
@@ -125,22 +124,17 @@ function Get-MachineReading {
         $memory = $of['memory'][0]
         [ordered] @{
             id = Get-MachineId -Vm $Vm; name = [string] $Vm.Name; state = [string] $Vm.State
-            generation = [long] $Vm.Generation; version = [string] $Vm.Version; notes = [string] $Vm.Notes
+            generation = [long] $Vm.Generation; notes = [string] $Vm.Notes
             processors = [long] $cpu.Count; reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum
             weight = [long] $cpu.RelativeWeight
             threads_per_core = [string] (Get-Setting -Of $cpu -Name 'HwThreadCountPerCore')
-            memory = [long] $memory.Startup; memory_minimum = [long] $memory.Minimum
-            memory_maximum = [long] $memory.Maximum; dynamic_memory = [bool] $memory.DynamicMemoryEnabled
-            start_action = [string] $Vm.AutomaticStartAction; start_delay = [long] $Vm.AutomaticStartDelay
-            stop_action = [string] $Vm.AutomaticStopAction
+            memory = [long] $memory.Startup; dynamic_memory = [bool] $memory.DynamicMemoryEnabled
+            start_action = [string] $Vm.AutomaticStartAction; stop_action = [string] $Vm.AutomaticStopAction
             checkpoints = [string] $Vm.CheckpointType
             checkpoint_count = [long] $of['checkpoints'].Count
             clustered = [string] (Get-Setting -Of $Vm -Name 'IsClustered')
             replication_mode = [string] (Get-Setting -Of $Vm -Name 'ReplicationMode')
             disks = @(foreach ($one in $of['disks']) { [string] $one.Path })
-            adapters = @(foreach ($one in $of['adapters']) {
-                [ordered] @{ name = [string] $one.Name; switch = [string] $one.SwitchName }
-            })
         }
     }
 }
@@ -211,7 +205,7 @@ $document = [ordered] @{
         $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath $root
         [ordered] @{
             build = [long] $key.GetValue('CurrentBuildNumber'); installation = [string] $key.GetValue('InstallationType')
-            product = [string] $key.GetValue('ProductName'); bits = [long] (8 * [IntPtr]::Size)
+            bits = [long] (8 * [IntPtr]::Size)
         }
     }
     machine_id = Get-Probe -Read { Get-HostIdentity }
@@ -246,7 +240,7 @@ $document = [ordered] @{
         [ordered] @{
             name = [string] $vmHost.Name; logical_processors = [long] $vmHost.LogicalProcessorCount
             memory = [long] $vmHost.MemoryCapacity; numa_spanning = [bool] $vmHost.NumaSpanningEnabled
-            machine_folder = [string] $vmHost.VirtualMachinePath; disk_folder = [string] $vmHost.VirtualHardDiskPath
+            disk_folder = [string] $vmHost.VirtualHardDiskPath
         }
     }
     processors = Get-Probe -Many -Read {
@@ -256,7 +250,7 @@ $document = [ordered] @{
     }
     numa = Get-Probe -Many -Read {
         foreach ($one in @(Hyper-V\Get-VMHostNumaNode)) {
-            [ordered] @{ node = [long] $one.NodeId; memory_available = [long] $one.MemoryAvailable; memory = [long] $one.MemoryTotal }
+            [ordered] @{ memory_available = [long] $one.MemoryAvailable; memory = [long] $one.MemoryTotal }
         }
     }
     switches = Get-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }

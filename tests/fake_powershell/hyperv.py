@@ -503,7 +503,6 @@ CMDLETS: dict[str, Callable[[Caller, Given], Value]] = {
     "get-vmswitch": lambda caller, given: [Record(Name=switch) for switch in caller.host.switches],
     "get-vmhostnumanode": lambda caller, given: [
         Record(
-            NodeId=node["node"],
             MemoryAvailable=node["memory_available"],
             MemoryTotal=node["memory"],
             ProcessorsAvailability=[0] * node.get("processors", caller.host.logical_processors),

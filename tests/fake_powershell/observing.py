@@ -94,21 +94,19 @@ def _key(host: WindowsHost, path: str, values: list[Document]) -> None:
 
 def _windows(host: WindowsHost, value: Document) -> None:
     texts = {"CurrentBuildNumber": str(value["build"]), "InstallationType": value["installation"]}
-    texts["ProductName"] = value["product"]
     _key(host, WINDOWS, [{"name": name, "kind": "String", "data": data} for name, data in texts.items()])
     host.bits = value["bits"]
 
 
 def _hypervisor(host: WindowsHost, value: Document) -> None:
     host.computer = value["name"]
-    for name in ("logical_processors", "memory", "numa_spanning", "machine_folder", "disk_folder"):
+    for name in ("logical_processors", "memory", "numa_spanning", "disk_folder"):
         setattr(host, name, value[name])
 
 
 def _machines(host: WindowsHost, value: list[dict[str, Any]]) -> None:
     for item in value:
-        adapters = [(adapter["name"], adapter["switch"]) for adapter in item["adapters"]]
-        host.vms[item["id"]] = Vm(**{**item, "adapters": adapters, "disks": list(item["disks"])})
+        host.vms[item["id"]] = Vm(**{**item, "disks": list(item["disks"])})
 
 
 def _virtual_disks(host: WindowsHost, value: list[Document]) -> None:

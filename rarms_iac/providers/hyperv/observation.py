@@ -51,7 +51,6 @@ class Windows:
 
     build: int
     installation: str  # Client, Server, Server Core
-    product: str
     bits: int  # of the process that looked
 
 
@@ -63,7 +62,6 @@ class HypervisorFacts:
     logical_processors: int
     memory: int  # bytes
     numa_spanning: bool
-    machine_folder: str
     disk_folder: str
 
 
@@ -80,17 +78,8 @@ class Socket:
 class NumaNode:
     """One node of memory."""
 
-    node: int
     memory_available: int
     memory: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adapter:
-    """A network adapter of a machine; an empty switch: not connected."""
-
-    name: str
-    switch: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +90,6 @@ class ObservedMachine:
     name: str
     state: str
     generation: int
-    version: str
     notes: str
     processors: int
     reserve: int
@@ -109,18 +97,14 @@ class ObservedMachine:
     weight: int
     threads_per_core: str  # empty: the host does not know the setting
     memory: int
-    memory_minimum: int
-    memory_maximum: int
     dynamic_memory: bool
     start_action: str
-    start_delay: int
     stop_action: str
     checkpoints: str
     checkpoint_count: int
     clustered: str
     replication_mode: str = ""  # None, Primary, Replica, TestReplica, ExtendedReplica; empty: an older script asked
     disks: tuple[str, ...]
-    adapters: tuple[Adapter, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

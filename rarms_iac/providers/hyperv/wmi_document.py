@@ -22,26 +22,20 @@ CLUSTER = "MSCluster_Resource"
 QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus", "ReplicationMode"),
     SETTINGS: (
-        *("InstanceID", "VirtualSystemType", "VirtualSystemSubType", "Version", "Notes", "AutomaticStartupAction"),
-        *("AutomaticStartupActionDelay", "AutomaticShutdownAction", "UserSnapshotType", "AutomaticSnapshotsEnabled"),
-        *("SecureBootEnabled", "SecureBootTemplateId"),
+        *("InstanceID", "VirtualSystemType", "VirtualSystemSubType", "Notes", "AutomaticStartupAction"),
+        *("AutomaticShutdownAction", "UserSnapshotType", "SecureBootEnabled", "SecureBootTemplateId"),
     ),
     "Msvm_SettingsDefineState": ("ManagedElement", "SettingData"),
     "Msvm_VirtualSystemSettingDataComponent": ("GroupComponent", "PartComponent"),
     "Msvm_ProcessorSettingData": (
         *("InstanceID", "VirtualQuantity", "Reservation", "Limit", "Weight", "HwThreadsPerCore", "CpuGroupId"),
     ),
-    "Msvm_MemorySettingData": ("InstanceID", "VirtualQuantity", "Reservation", "Limit", "DynamicMemoryEnabled"),
+    "Msvm_MemorySettingData": ("InstanceID", "VirtualQuantity", "DynamicMemoryEnabled"),
     "Msvm_StorageAllocationSettingData": ("InstanceID", "ResourceSubType", "HostResource"),
-    "Msvm_SyntheticEthernetPortSettingData": ("InstanceID", "ElementName"),
-    "Msvm_EmulatedEthernetPortSettingData": ("InstanceID", "ElementName"),
-    "Msvm_EthernetPortAllocationSettingData": ("InstanceID", "Parent", "HostResource", "EnabledState"),
     SWITCH: ("Name", "ElementName"),
     "Msvm_SnapshotOfVirtualSystem": ("Antecedent", "Dependent"),
-    "Msvm_VirtualSystemManagementServiceSettingData": (
-        *("DefaultExternalDataRoot", "DefaultVirtualHardDiskPath", "NumaSpanningEnabled"),
-    ),
-    "Msvm_NumaNode": ("NodeID", "NumberOfLogicalProcessors", "CurrentlyConsumableMemoryBlocks"),
+    "Msvm_VirtualSystemManagementServiceSettingData": ("DefaultVirtualHardDiskPath", "NumaSpanningEnabled"),
+    "Msvm_NumaNode": ("NumberOfLogicalProcessors", "CurrentlyConsumableMemoryBlocks"),
     "Msvm_KvpExchangeComponent": ("SystemName", "GuestIntrinsicExchangeItems"),
     "Msvm_ShutdownComponent": ("SystemName", "EnabledState", "OperationalStatus"),
     "Msvm_VirtualHardDiskSettingData": ("Type", "ParentPath"),
@@ -145,36 +139,32 @@ def read_hypervisor(source: WmiSource) -> Json:
         "logical_processors": sum(_int(node, "NumberOfLogicalProcessors") for node in nodes),
         "memory": _int(systems[0], "TotalPhysicalMemory"),
         "numa_spanning": bool(services[0]["NumaSpanningEnabled"]),
-        "machine_folder": _str(services[0], "DefaultExternalDataRoot"),
         "disk_folder": _str(services[0], "DefaultVirtualHardDiskPath"),
     }
 
 
+Column = tuple[Callable[[WmiInstance, str], Json], str]
+"""A reader, and the property that it reads."""
+
+
+def _rows(source: WmiSource, name: str, /, **columns: Column) -> list[dict[str, Json]]:
+    """Return the instances of a class as objects with these fields."""
+    return [{field: read(each, of) for field, (read, of) in columns.items()} for each in source.instances(name)]
+
+
 def read_processors(source: WmiSource) -> Json:
     """Return the processor packages, as Windows sees them."""
-    return [
-        {
-            "name": _str(each, "Name"),
-            "cores": _int(each, "NumberOfCores"),
-            "logical": _int(each, "NumberOfLogicalProcessors"),
-        }
-        for each in source.instances("Win32_Processor")
-    ]
+    cores, logical = (_int, "NumberOfCores"), (_int, "NumberOfLogicalProcessors")
+    return [*_rows(source, "Win32_Processor", name=(_str, "Name"), cores=cores, logical=logical)]
 
 
 def read_numa_nodes(source: WmiSource) -> Json:
-    r"""Return the host's nodes, `Microsoft:PhysicalNode\0` and so on; a block of memory is 1 MiB.
+    """Return the host's nodes; a block of memory is 1 MiB.
 
     WMI's pages name no total of a node's memory: 0 stands for not known, and no rule goes by it.
     """
-    return [
-        {
-            "node": int(_str(node, "NodeID").rpartition("\\")[2]),
-            "memory_available": _int(node, "CurrentlyConsumableMemoryBlocks"),
-            "memory": 0,
-        }
-        for node in source.instances("Msvm_NumaNode")
-    ]
+    nodes = _rows(source, "Msvm_NumaNode", memory_available=(_int, "CurrentlyConsumableMemoryBlocks"))
+    return [{**node, "memory": 0} for node in nodes]
 
 
 def _settings(source: WmiSource) -> Iterator[tuple[WmiInstance, WmiInstance]]:
@@ -233,7 +223,6 @@ def _machine(
     return {
         "state": _state(system),
         "generation": 2 if _str(setting, "VirtualSystemSubType").endswith(":2") else 1,
-        "version": _str(setting, "Version"),
         "notes": "\n".join(setting["Notes"] or ()),
         "processors": _int(cpu, "VirtualQuantity"),
         "reserve": _int(cpu, "Reservation") // 1000,  # cmdlets show whole per cents (windows.md 1.3)
@@ -241,18 +230,14 @@ def _machine(
         "weight": _int(cpu, "Weight"),
         "threads_per_core": "" if threads is None else str(threads),
         "memory": _int(memory, "VirtualQuantity") * 2**20,
-        "memory_minimum": _int(memory, "Reservation") * 2**20,
-        "memory_maximum": _int(memory, "Limit") * 2**20,
         "dynamic_memory": bool(memory["DynamicMemoryEnabled"]),
         "start_action": _named(START_ACTIONS, setting, "AutomaticStartupAction"),
-        "start_delay": _seconds(_str(setting, "AutomaticStartupActionDelay")),
         "stop_action": _named(STOP_ACTIONS, setting, "AutomaticShutdownAction"),
         "checkpoints": _named(CHECKPOINTS, setting, "UserSnapshotType"),
         "checkpoint_count": sum(_end(each, "Antecedent") == system["Name"] for each in snapshots),
         "clustered": str(_str(system, "Name").lower() in clustered),
         "replication_mode": _named(REPLICATION_MODES, system, "ReplicationMode"),
         "disks": list(_disks(source, setting)),
-        "adapters": list(_adapters(source, setting)),
     }
 
 
@@ -286,19 +271,6 @@ def read_disk(source: WmiSource, path: str) -> Json:
     return {"path": path, "type": _named(DISK_TYPES, found, "Type"), "parent": found["ParentPath"] or ""}
 
 
-def _adapters(source: WmiSource, setting: WmiInstance) -> Iterator[Json]:
-    switches = {_str(each, "Name"): _str(each, "ElementName") for each in source.instances(SWITCH)}
-    connected = {
-        _key_of(_str(link, "Parent")): _key_of(link["HostResource"][0])
-        for link in _parts(source, setting, "Msvm_EthernetPortAllocationSettingData")
-        if link["HostResource"] and _int(link, "EnabledState") == 2
-    }
-    ports = ("Msvm_SyntheticEthernetPortSettingData", "Msvm_EmulatedEthernetPortSettingData")
-    for port in _parts(source, setting, *ports):
-        switch = switches.get(connected.get(_str(port, "InstanceID"), ""), "")
-        yield {"name": _str(port, "ElementName"), "switch": switch}
-
-
 def read_switches(source: WmiSource) -> Json:
     """Return the names of the virtual switches."""
     return [_str(each, "ElementName") for each in source.instances(SWITCH)]
@@ -306,14 +278,9 @@ def read_switches(source: WmiSource) -> Json:
 
 def read_cpu_groups(source: WmiSource) -> Json:
     """Return the processor settings as they lie there, those of checkpoints too."""
-    return [
-        {
-            "instance": _str(each, "InstanceID"),
-            "group": each["CpuGroupId"] or "",
-            "reservation": _int(each, "Reservation"),
-        }
-        for each in source.instances("Msvm_ProcessorSettingData")
-    ]
+    instance, group, reservation = (_str, "InstanceID"), (_str, "CpuGroupId"), (_int, "Reservation")
+    rows = _rows(source, "Msvm_ProcessorSettingData", instance=instance, group=group, reservation=reservation)
+    return [*rows]
 
 
 def read_firmware(source: WmiSource) -> Iterator[Json]:
@@ -345,14 +312,13 @@ def read_guests(source: WmiSource) -> Json:
 
 def read_shutdown_services(source: WmiSource) -> Json:
     """Whether guests can be asked to shut down."""
-    return [
-        {
-            "machine": _str(each, "SystemName").lower(),
-            "enabled": _int(each, "EnabledState"),
-            "status": [int(number) for number in each["OperationalStatus"] or ()],
-        }
-        for each in source.instances("Msvm_ShutdownComponent")
-    ]
+    status: Column = (lambda each, name: [int(number) for number in each[name] or ()], "OperationalStatus")
+    enabled, machine = (_int, "EnabledState"), (_lower, "SystemName")
+    return [*_rows(source, "Msvm_ShutdownComponent", machine=machine, enabled=enabled, status=status)]
+
+
+def _lower(instance: WmiInstance, name: str) -> str:
+    return _str(instance, name).lower()
 
 
 def _str(instance: WmiInstance, name: str) -> str:
@@ -368,14 +334,6 @@ def _named(names: Mapping[int, str], instance: WmiInstance, name: str) -> str:
     if number not in names:
         raise NotRead("UnknownNumber", f"{name} is {number}, which has no name")
     return names[number]
-
-
-def _seconds(interval: str) -> int:
-    """Return a CIM interval, `ddddddddhhmmss.mmmmmm:000`, in seconds."""
-    if not interval:
-        return 0
-    days, hours, minutes, seconds = (int(interval[at:end]) for at, end in ((0, 8), (8, 10), (10, 12), (12, 14)))
-    return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
 
 
 def _end(link: WmiInstance, name: str) -> str:
@@ -486,7 +444,6 @@ def _windows(windows: LocalWindows) -> Json:
     return {
         "build": int(_text(windows, WINDOWS_KEY, "CurrentBuildNumber")),
         "installation": _text(windows, WINDOWS_KEY, "InstallationType"),
-        "product": _text(windows, WINDOWS_KEY, "ProductName"),
         "bits": windows.bits(),
     }
 

@@ -126,7 +126,6 @@ class MadeWindows:
         if facts:
             self._add(
                 "Msvm_VirtualSystemManagementServiceSettingData",
-                DefaultExternalDataRoot=facts["machine_folder"],
                 DefaultVirtualHardDiskPath=facts["disk_folder"],
                 NumaSpanningEnabled=facts["numa_spanning"],
             )
@@ -140,7 +139,6 @@ class MadeWindows:
             blocks = str(node["memory_available"])
             self._add(
                 "Msvm_NumaNode",
-                NodeID=rf"Microsoft:PhysicalNode\{node['node']}",
                 NumberOfLogicalProcessors=processors,
                 CurrentlyConsumableMemoryBlocks=blocks,
             )
@@ -192,16 +190,13 @@ class MadeWindows:
     def _settings(self, instance: str, kind: str, machine: Mapping[str, Any]) -> None:
         firmware = {each["machine"]: each for each in self._value("firmware", ())}.get(machine["id"], {})
         templates = {template: guid for guid, template in wmi_document.TEMPLATES.items()}
-        hours, rest = divmod(machine["start_delay"], 3600)
         self._add(
             wmi_document.SETTINGS,
             InstanceID=instance,
             VirtualSystemType=kind,
             VirtualSystemSubType=f"Microsoft:Hyper-V:SubType:{machine['generation']}",
-            Version=machine["version"],
             Notes=[machine["notes"]],
             AutomaticStartupAction=numbers(wmi_document.START_ACTIONS)[machine["start_action"]],
-            AutomaticStartupActionDelay=f"{hours // 24:08}{hours % 24:02}{rest // 60:02}{rest % 60:02}.000000:000",
             AutomaticShutdownAction=numbers(wmi_document.STOP_ACTIONS)[machine["stop_action"]],
             UserSnapshotType=numbers(wmi_document.CHECKPOINTS)[machine["checkpoints"]],
             SecureBootEnabled=firmware.get("secure_boot") == "On",
@@ -228,8 +223,6 @@ class MadeWindows:
             "Msvm_MemorySettingData",
             InstanceID=memory,
             VirtualQuantity=machine["memory"] // MIB,
-            Reservation=machine["memory_minimum"] // MIB,
-            Limit=machine["memory_maximum"] // MIB,
             DynamicMemoryEnabled=machine["dynamic_memory"],
         )
         parts = [own, memory]
@@ -240,19 +233,6 @@ class MadeWindows:
                 InstanceID=parts[-1],
                 ResourceSubType=wmi_document.DISK,
                 HostResource=[path],
-            )
-        for number, adapter in enumerate(machine["adapters"]):
-            port = rf"{realised}\port\{number}"
-            parts += [port, rf"{port}\connection"]
-            model = "Synthetic" if machine["generation"] == 2 else "Emulated"
-            self._add(f"Msvm_{model}EthernetPortSettingData", InstanceID=port, ElementName=adapter["name"])
-            switch = reference("Msvm_VirtualEthernetSwitch", "Name", f"id of {adapter['switch']}")
-            self._add(
-                "Msvm_EthernetPortAllocationSettingData",
-                InstanceID=parts[-1],
-                Parent=reference(f"Msvm_{model}EthernetPortSettingData", "InstanceID", port),
-                HostResource=[switch] if adapter["switch"] else None,
-                EnabledState=2 if adapter["switch"] else 3,
             )
         for part in parts:
             self._link("Msvm_VirtualSystemSettingDataComponent", GroupComponent=realised, PartComponent=part)
@@ -282,12 +262,10 @@ class MadeWindows:
                 self._key(rf"{wmi_document.RECORDS_KEY}\{application}\{record['task']}", record["values"])
         windows = self._value("windows", None)
         if windows:
-            installation, product = windows["installation"], windows["product"]
             self._texts(
                 wmi_document.WINDOWS_KEY,
                 CurrentBuildNumber=str(windows["build"]),
-                InstallationType=installation,
-                ProductName=product,
+                InstallationType=windows["installation"],
             )
         self._texts(wmi_document.CRYPTOGRAPHY_KEY, MachineGuid=self._value("machine_id", ""))
         self._texts(wmi_document.ENGINE_KEY, PowerShellVersion=self._value("powershell", {"version": ""})["version"])
