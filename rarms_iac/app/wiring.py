@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.host import Connect, Host, HypervHost, LinuxHost, ProviderKind
+from rarms_iac.model.host import Connect, Host, ProviderKind
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.seen_host import Condition
@@ -76,7 +76,7 @@ def state_folder(host: Host) -> Path | None:
         return None
     from rarms_iac.providers.cgroups.provider import STATE_FOLDER
 
-    return STATE_FOLDER / (host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()).slice
+    return STATE_FOLDER / host.linux.slice
 
 
 def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...]]:
@@ -155,7 +155,7 @@ def open_measuring_host(system: System, name: str, folder: Path, state_path: str
 
             named = {name: request.guest.credential for name, request in system.partitions.items()}
             credentials = {name: credential for name, credential in named.items() if credential}
-            if not credentials and not (isinstance(host.settings, HypervHost) and host.settings.credential):
+            if not credentials and not host.hyperv.credential:
                 return None  # it is not said how guests are entered
             return HypervMeasuringHost(host, transport_to(host), folder / SIGNED, folder.resolve(), credentials)
         case ProviderKind.LINUX:
@@ -238,7 +238,7 @@ def transport_scripts() -> dict[str, str]:
         By file name, in the order in which they run: the loader, which is the command itself, and the receiver; then
         what runs in their place where the module is installed. ASCII text with LF; over the wire it has CRLF.
     """
-    from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
+    from rarms_iac.providers.hyperv.transport import render_installed_receiver, render_loader, render_receiver
 
     texts = {
         "loader.ps1": render_loader(),

@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
-from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, EnvironmentSetup
+from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -28,7 +28,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
-from rarms_iac.providers.measuring import PartitionShape, ScriptedMeasuringHost
+from rarms_iac.providers.measuring import ScriptedMeasuringHost
 
 USUAL_LOAD_MEMORY = 512 * 2**20
 """Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""

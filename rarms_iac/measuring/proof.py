@@ -25,7 +25,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
-from rarms_iac.model.environment_setup import P2
+from rarms_iac.model.environment_setup import P2, PartitionShape
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -46,7 +46,7 @@ from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.distributions import ERROR, samples_needed
 from rarms_iac.statistics.overload import describe_overload, more_processors_help
 from rarms_iac.statistics.samples import response_times, starts_differ

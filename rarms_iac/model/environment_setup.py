@@ -23,6 +23,17 @@ GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 re
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionShape:
+    """A test partition as it is made; its reserve is set for each setting."""
+
+    name: str
+    processors: int
+    memory: int  # bytes
+    limit: int
+    weight: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlatformFacts:
     """The machine that was measured on, as far as it can change what is measured there."""
 

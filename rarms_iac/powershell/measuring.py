@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from math import floor
 
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.host import Host
+from rarms_iac.model.environment_setup import PartitionShape
+from rarms_iac.model.host import Host, HypervHost
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal
@@ -20,21 +21,6 @@ from rarms_iac.storage.json_text import canonical
 
 UNPLANNED = "0" * 12
 """Stands for a plan's id in pending names, marks and names of disks: test partitions belong to no plan."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TestMachine:
-    """A test partition as the script makes it; its reserve is told for each setting."""
-
-    name: str
-    processors: int
-    memory: int  # bytes
-    limit: int
-    weight: int
-    generation: int
-    image: str
-    folder: str  # empty: the host's own
-    secure_boot: str  # a template, or off; empty: as the host makes it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +41,12 @@ class GuestWork:
 
 
 def render_measuring(
-    host: Host, facts: HostFacts, application: str, machines: Sequence[TestMachine], works: Sequence[GuestWork]
+    host: Host, facts: HostFacts, application: str, shapes: Sequence[PartitionShape], works: Sequence[GuestWork]
 ) -> bytes:
     """Make the script.
 
     Args:
-        machines: test partitions, in the order in which their reserves are told.
+        shapes: test partitions, in the order in which their reserves are told.
         works: programs inside guests; none: the script only removes test partitions.
 
     Returns:
@@ -69,8 +55,9 @@ def render_measuring(
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
+    settings = host.hyperv
     lines = [
-        *(line for machine in machines for line in ("", f"    # === test partition {machine.name}", _machine(machine))),
+        *(line for each in shapes for line in ("", f"    # === test partition {each.name}", _machine(each, settings))),
         *(line for work in works for line in ("", f"    # === in {work.partition}: {_title(work)}", _work(work))),
     ]
     name = script_name(host)
@@ -81,7 +68,7 @@ def render_measuring(
         "synopsis": remark(f"rarms measure script: application {application}, on {host.name}."),
         "description": (
             f"Computer {remark(facts.computer_name)}.",
-            *(f"Makes {machine.name} from {remark(machine.image)}." for machine in machines),
+            *(f"Makes {shape.name} from {remark(settings.image or '')}." for shape in shapes),
             *(f"Runs {_title(work)} inside {work.partition}." for work in works),
             "However it ends, it removes the test partitions and their disks." if works else removal,
         ),
@@ -130,19 +117,20 @@ def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
     return {name: literal(value) for name, value in values.items()}
 
 
-def _machine(machine: TestMachine) -> str:
+def _machine(shape: PartitionShape, settings: HypervHost) -> str:
+    image = settings.image or ""
     return "    " + call(
         "Add-TestPartition",
-        Name=literal(machine.name),
-        Processors=literal(machine.processors),
-        Memory=literal(machine.memory),
-        Limit=literal(machine.limit),
-        Weight=literal(machine.weight),
-        Generation=literal(machine.generation),
-        Image=literal(machine.image),
-        Type=literal("vhd" if machine.image.lower().endswith(".vhd") else "vhdx"),
-        Folder=literal(machine.folder),
-        SecureBoot=literal(machine.secure_boot),
+        Name=literal(shape.name),
+        Processors=literal(shape.processors),
+        Memory=literal(shape.memory),
+        Limit=literal(shape.limit),
+        Weight=literal(shape.weight),
+        Generation=literal(settings.generation),
+        Image=literal(image),
+        Type=literal("vhd" if image.lower().endswith(".vhd") else "vhdx"),
+        Folder=literal(settings.vm_path or ""),
+        SecureBoot=literal((settings.secure_boot or "") if settings.generation == 2 else ""),
     )
 
 

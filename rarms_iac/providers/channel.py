@@ -72,7 +72,31 @@ class Conversation(Protocol):
         """Return its exit code, once its output has ended: None where it lives on, `SSH_FAILED` where the way broke."""
 
 
-class Channel:
+class QueuedConversation:
+    """The part of a `Conversation` whose lines another thread puts into a queue."""
+
+    def __init__(self) -> None:
+        self._lines: SimpleQueue[bytes | None] = SimpleQueue()  # with their ends; None: there are no more
+        self._errors: deque[str] = deque(maxlen=KEPT_LINES)
+
+    @property
+    def error_lines(self) -> tuple[str, ...]:
+        return tuple(self._errors)
+
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
+        until = time.monotonic() + silence_s
+        while True:
+            look()
+            try:
+                line = self._lines.get(timeout=LOOK_SECONDS)
+            except Empty:
+                if time.monotonic() >= until:
+                    raise SilenceTimeout from None
+                continue
+            return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
+
+
+class Channel(QueuedConversation):
     """A `Conversation` with a program of this computer. Use it as a context: when that ends, the program has ended too.
 
     Raises:
@@ -80,10 +104,9 @@ class Channel:
     """
 
     def __init__(self, words: Sequence[str]) -> None:
+        super().__init__()
         self._process, self._kill = _start(words)
-        self._lines: SimpleQueue[bytes | None] = SimpleQueue()
         self._sending: SimpleQueue[bytes | None] = SimpleQueue()
-        self._errors: deque[str] = deque(maxlen=KEPT_LINES)
         targets = (self._read, self._read_errors, self._write)
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
         self._error_reader = self._threads[1]
@@ -105,18 +128,11 @@ class Channel:
         for thread in self._threads:
             thread.join(ERROR_SECONDS)
 
-    @property
-    def error_lines(self) -> tuple[str, ...]:
-        return tuple(self._errors)
-
     def send(self, data: bytes) -> None:
         self._sending.put(data)
 
     def close(self) -> None:
         self._sending.put(None)
-
-    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
-        return next_of(self._lines, silence_s, look)
 
     def code(self) -> int | None:
         try:
@@ -149,29 +165,6 @@ class Channel:
                 pipe.flush()
         with contextlib.suppress(OSError):
             pipe.close()
-
-
-def next_of(lines: "SimpleQueue[bytes | None]", silence_s: float, look: Callable[[], None]) -> str | None:
-    """Return the next line of a queue that another thread fills, as `Conversation.next_line` does.
-
-    Args:
-        lines: with their ends; None: there are no more.
-        silence_s: seconds after which it is given up.
-        look: called while waiting.
-
-    Raises:
-        SilenceTimeout: nothing came for so long.
-    """
-    until = time.monotonic() + silence_s
-    while True:
-        look()
-        try:
-            line = lines.get(timeout=LOOK_SECONDS)
-        except Empty:
-            if time.monotonic() >= until:
-                raise SilenceTimeout from None
-            continue
-        return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
 
 
 if sys.platform == "win32":

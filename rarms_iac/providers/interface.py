@@ -71,8 +71,39 @@ class ReadableHost(Protocol):
         """
 
 
+class HoldableHost(ReadableHost, Protocol):
+    """A host that one run at a time holds, with the journal of the last run."""
+
+    def holder(self) -> str:
+        """Tell who holds the host now, without taking the lock or waiting for it.
+
+        Returns:
+            The `owner` that `lock` was given; empty: no run holds it, or it cannot be seen from here.
+        """
+
+    def journal(self) -> Journal | None:
+        """Return the last run on this host, None where there was none.
+
+        Returns:
+            The run with all records so far.
+
+        Raises:
+            HostDamaged: an earlier record is damaged (a torn last one is dropped).
+        """
+
+    def unfinished(self) -> Journal | None:
+        """Return the run that is under way on this host, None where there is none; that answer is cheap.
+
+        Returns:
+            As `journal` returns it.
+
+        Raises:
+            HostDamaged: a run may be under way, and its journal is damaged.
+        """
+
+
 @runtime_checkable
-class StepwiseHost(ReadableHost, Protocol):
+class StepwiseHost(HoldableHost, Protocol):
     """A host that is changed one operation at a time, with lock and journal on the host itself."""
 
     def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
@@ -87,13 +118,6 @@ class StepwiseHost(ReadableHost, Protocol):
 
         Raises:
             HostLocked: another run holds it, after waiting so long.
-        """
-
-    def holder(self) -> str:
-        """Tell who holds the host now, without taking the lock or waiting for it.
-
-        Returns:
-            The `owner` that `lock` was given; empty: no run holds it, or it cannot be seen from here.
         """
 
     def read(self, address: Address, scope: Scope) -> Readings:
@@ -116,26 +140,6 @@ class StepwiseHost(ReadableHost, Protocol):
         Raises:
             HostRefused: it is not allowed on this host now; nothing happened.
             HostFailed: something went wrong on the way.
-        """
-
-    def journal(self) -> Journal | None:
-        """Return the last run on this host, None where there was none.
-
-        Returns:
-            The run with all records so far.
-
-        Raises:
-            HostDamaged: an earlier record is damaged (a torn last one is dropped).
-        """
-
-    def unfinished(self) -> Journal | None:
-        """Return the run that is under way on this host, None where there is none; that answer is cheap.
-
-        Returns:
-            As `journal` returns it.
-
-        Raises:
-            HostDamaged: a run may be under way, and its journal is damaged.
         """
 
     def start_run(self, started: RunStarted) -> None:
@@ -350,29 +354,8 @@ UNHEARD = RobotListener()
 
 
 @runtime_checkable
-class RobotHost(ReadableHost, Protocol):
+class RobotHost(HoldableHost, Protocol):
     """A host whose own rarms does whole commands: it holds itself, keeps the journal and guards every step."""
-
-    def journal(self) -> Journal | None:
-        """Return the last run on this host.
-
-        Returns:
-            As of `StepwiseHost`.
-        """
-
-    def unfinished(self) -> Journal | None:
-        """Return the run that is under way on this host.
-
-        Returns:
-            As of `StepwiseHost`.
-        """
-
-    def holder(self) -> str:
-        """Tell who holds the host now.
-
-        Returns:
-            As of `StepwiseHost`.
-        """
 
     def look_once(self) -> None:
         """Answer from now on from one look, as of `DistantHost`; a command ends that."""

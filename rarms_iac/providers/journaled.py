@@ -6,10 +6,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TypeVar, cast
 
+from rarms_iac.diff.readings import resolve
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
+from rarms_iac.model.operations import CreatePartition, RestorePartition
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.plan_names import wrong_name
+from rarms_iac.model.state import Partition, State
 from rarms_iac.model.wording import quoted, reason_of
-from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
@@ -17,6 +22,7 @@ from rarms_iac.storage.records import Damaged, Record, first_in, last_in, record
 from rarms_iac.storage.writing import Locked, append, hold, read_holder, replace
 
 T = TypeVar("T")
+PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 
 
 class LocalFiles:
@@ -67,6 +73,7 @@ class JournaledHost:
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         """Also removes what killed writers left behind."""
+        self._refuse_files_of_others()
         with ExitStack() as held:
             with report_failure(self.name, self._lock_path):
                 held.enter_context(self._files.hold(self._lock_path, owner, timeout_ms))
@@ -76,14 +83,19 @@ class JournaledHost:
     def holder(self) -> str:
         return self._files.holder(self._lock_path)
 
+    def _refuse_files_of_others(self) -> None:
+        """Raise `HostDamaged` where another user may have written the files."""
+
     def _recover(self) -> None:
         """Bring in order what a killed run left, now that the host is held."""
 
     def journal(self) -> Journal | None:
+        self._refuse_files_of_others()
         with report_damage(self.name, self._journal_path):
             return journal_in(self._files.content(self._journal_path), self._journal_path)
 
     def unfinished(self) -> Journal | None:
+        self._refuse_files_of_others()
         with report_damage(self.name, self._journal_path):
             return unfinished_in(self._files.content(self._journal_path), self._journal_path)
 
@@ -94,6 +106,25 @@ class JournaledHost:
     def record(self, record: JournalRecord) -> None:
         with report_damage(self.name, self._journal_path), report_failure(self.name, self._journal_path):
             self._files.append(self._journal_path, _encode(record))
+
+    def managed(self, state: State, partition: str, scope: Scope, machine: str = "") -> Partition:
+        """Return the one partition that a name stands for.
+
+        Raises:
+            HostRefused: none or several do: the host differs from what the plan saw.
+        """
+        found = resolve(state.partitions, partition, scope, machine)
+        if len(found) != 1:
+            count = f"{len(found)} machines are" if found else "no machine is"
+            raise HostRefused(self.name, f"{count} managed as the partition {partition}", PLAN_AGAIN)
+        return found[0]
+
+    def refuse_repeated(self, state: State, operation: CreatePartition | RestorePartition, scope: Scope) -> None:
+        """Refuse to make a partition that is there, or one of the id of another machine."""
+        machine = operation.machine if isinstance(operation, RestorePartition) else None
+        is_taken = any(partition.id == machine for partition in state.partitions)
+        if is_taken or resolve(state.partitions, operation.partition, scope):
+            raise HostRefused(self.name, f"there is a partition {operation.partition} already", PLAN_AGAIN)
 
     def _serials(self) -> Mapping[str, int]:
         with report_damage(self.name, self._journal_path):

@@ -8,15 +8,18 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from rarms_iac.model.commands import Wording
-from rarms_iac.model.environment_setup import PlatformFacts
+from rarms_iac.diff.readings import resolve
+from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
+from rarms_iac.model.environment_setup import PartitionShape, PlatformFacts
 from rarms_iac.model.loads import Interference
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues
-from rarms_iac.providers.interface import ReadableHost, ScriptedHost, StepwiseHost
+from rarms_iac.providers.interface import HostRefused, ReadableHost, ScriptedHost, StepwiseHost
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +144,17 @@ class RunningWork(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionShape:
-    """What a test partition is made as; its reserve is set for each setting."""
+def running_partition(state: State, partition: str, application: str) -> Partition:
+    """Return the partition of an application that runs under this name.
 
-    name: str
-    processors: int
-    memory: int  # bytes
-    limit: int
-    weight: int
+    Raises:
+        HostRefused: it is not there or does not run.
+    """
+    found = resolve(state.partitions, partition, Scope(application=application, plan=""))
+    if len(found) != 1 or not found[0].settings.running:
+        advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
+        raise HostRefused(state.facts.name, f"no partition {partition} of {application} runs", advice)
+    return found[0]
 
 
 class WorkHost(ReadableHost, Protocol):

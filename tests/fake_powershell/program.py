@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.hyperv.bootstrap import (
+from rarms_iac.providers.hyperv.transport import (
     ANSWERS,
     FAILED,
     FAILED_CODE,

@@ -13,7 +13,7 @@ from rarms_iac.measuring import measure
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.providers.hyperv import provider
-from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
+from rarms_iac.providers.hyperv.guest_samples import read_seen
 from tests.fake_powershell import guests
 from tests.fake_powershell.host import Program, WindowsHost
 from tests.fake_powershell.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
@@ -228,7 +228,8 @@ def test_only_process_job_is_started_by_its_period(
 def test_what_a_guest_prints_besides_is_passed_over() -> None:
     said = ("counted", "counted 5 x 1 1", "counted 5 1 1", "line x", "ended 1 2", "started", "", "WARNING: 5")
     lines = [
-        json.dumps({"format": FORMAT, "setting": "1 rest.", "name": "p", "seen": seen, "at_ms": 1}) for seen in said
+        json.dumps({"format": "rarms-seen/1", "setting": "1 rest.", "name": "p", "seen": seen, "at_ms": 1})
+        for seen in said
     ]
 
     assert [read_seen(line) for line in lines] == [None] * len(said)

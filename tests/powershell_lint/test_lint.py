@@ -6,6 +6,8 @@ from typing import get_args
 import pytest
 
 from rarms_iac.model.changes import Address, Change, Create
+from rarms_iac.model.environment_setup import PartitionShape
+from rarms_iac.model.host import HypervHost
 from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, WriteTaskClass, set_to
 from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
@@ -13,7 +15,7 @@ from rarms_iac.powershell import measuring
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.syntax import unreadable
 from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text, template_text
-from rarms_iac.providers.hyperv.bootstrap import render_installed_receiver, render_loader, render_receiver
+from rarms_iac.providers.hyperv.transport import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build
 from tests.powershell_lint.allowed import PLAN_CALLS
 from tests.powershell_lint.lint import problems
@@ -44,21 +46,13 @@ SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(HOST_PLAN
 
 
 def measuring_script() -> bytes:
-    machine = measuring.TestMachine(
-        name="p1",
-        processors=2,
-        memory=2**30,
-        limit=100,
-        weight=100,
-        generation=2,
-        image="D:\\images\\robot's.vhdx",
-        folder="D:\\vms",
-        secure_boot="off",
-    )
+    shape = PartitionShape(name="p1", processors=2, memory=2**30, limit=100, weight=100)
+    settings = HypervHost(image="D:\\images\\robot's.vhdx", vm_path="D:\\vms", secure_boot="off")
     work = measuring.GuestWork(
         partition="p1", credential="robot", name="vision", kind="runs", words=("vision.exe", "-x", "a b")
     )
-    return measuring.render_measuring(HOST_PLAN.host, build.facts(), "robot", [machine], [work])
+    host = replace(HOST_PLAN.host, hyperv=settings)
+    return measuring.render_measuring(host, build.facts(), "robot", [shape], [work])
 
 
 def test_every_operation_is_among_those_that_fill_templates() -> None:

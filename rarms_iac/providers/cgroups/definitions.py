@@ -6,26 +6,16 @@ What a Linux host refuses is here, too: settings that no control group can have,
 import json
 import uuid
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import CreatePartition, EraseMark, RenamePartition, RestorePartition, Set, WriteMark
-from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import (
-    NO_GENERATION,
-    Checkpoints,
-    Partition,
-    PartitionSettings,
-    StartAction,
-    State,
-    StopAction,
-)
+from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, State, StopAction
 from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
 from rarms_iac.providers.cgroups.machine import NAMESPACE
 from rarms_iac.providers.journaled import report_damage, report_failure
-from rarms_iac.providers.marks import erase_mark, write_mark
+from rarms_iac.providers.machines import KeptMachine, cpu_out_of_range, lack_of_memory, lack_of_processors, notes_of
 from rarms_iac.running.kernel_files import MOST_PROCESSORS
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json
@@ -44,12 +34,10 @@ def out_of_range(settings: PartitionSettings) -> str:
         return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"
     if not 1 <= settings.processors <= MOST_PROCESSORS:
         return f"a partition has 1 to {MOST_PROCESSORS} processors, not {settings.processors}"
-    if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
-        return f"reserve and limit are 0 to 100 %, not {settings.reserve} % and {settings.limit} %"
+    if problem := cpu_out_of_range(settings):
+        return problem
     if settings.limit < 1:
         return "with a limit of 0 % nothing would run: the limit is at least 1 %"
-    if not 1 <= settings.weight <= 10_000:
-        return f"a weight is 1 to 10000, not {settings.weight}"
     if not 0 <= settings.memory < 2**63:
         return f"memory is at least 0 B and less than 8 EiB, not {settings.memory} B"
     if not _SHORTEST_PERIOD_US <= (settings.quota_period_us or _SHORTEST_PERIOD_US) <= _LONGEST_PERIOD_US:
@@ -57,42 +45,18 @@ def out_of_range(settings: PartitionSettings) -> str:
     return "a control group has no dynamic memory" if settings.dynamic_memory else ""
 
 
-def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str:
-    """Describe the memory that is missing for a partition beside those that run; empty: there is enough.
-
-    Args:
-        machine: its id.
-    """
-    taken = sum(other.settings.memory for other in _others_running(machine, state))
-    if taken + wanted.memory <= state.facts.memory:
-        return ""
-    free = max(0, state.facts.memory - taken)
-    needed, room = show_bytes(wanted.memory, free), show_bytes(free, wanted.memory)
-    return f"{wanted.name} needs {needed}, and of {show_bytes(state.facts.memory)} {room} are free"
+def lack_of_room(wanted: PartitionSettings, machine: str, state: State) -> str:
+    """Describe why the partition of this id has no room beside those that run; empty: it has."""
+    facts, others = state.facts, others_running(machine, state)
+    taken = sum(other.reserve * other.processors for other in others)
+    fits = taken + wanted.reserve * wanted.processors <= 100 * facts.logical_processors
+    lack = lack_of_processors(wanted, facts.logical_processors, fits=fits) if wanted.reserve else ""
+    return lack_of_memory(wanted, others, facts.memory) or lack
 
 
-def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> str:
-    """Describe why a reserve does not fit beside those of the partitions that run; empty: it fits.
-
-    Args:
-        machine: its id.
-    """
-    available = state.facts.logical_processors
-    if not wanted.reserve:
-        return ""
-    if wanted.processors > available:
-        return f"{wanted.name} has {wanted.processors} processors with a reserve, and the host has {available}"
-    taken = sum(other.settings.reserve * other.settings.processors for other in _others_running(machine, state))
-    if taken + wanted.reserve * wanted.processors <= 100 * available:
-        return ""
-    return (
-        f"the reserve of {wanted.name}, {wanted.reserve} % of each of {wanted.processors} processors, "
-        f"does not fit {available} logical processors beside what runs"
-    )
-
-
-def _others_running(machine: str, state: State) -> list[Partition]:
-    return [other for other in state.partitions if other.id != machine and other.settings.running]
+def others_running(machine: str, state: State) -> list[PartitionSettings]:
+    """Return the settings of the partitions that run, except the one of this id."""
+    return [other.settings for other in state.partitions if other.id != machine and other.settings.running]
 
 
 Format = Literal["rarms-partition/1"]
@@ -101,12 +65,10 @@ SettingOperation = Set | RenamePartition | WriteMark | EraseMark
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GroupDefinition:
+class GroupDefinition(KeptMachine):
     """A partition as its file defines it, running or not."""
 
-    id: str
-    settings: PartitionSettings  # `running` is always false: see `is_running`
-    notes: str = ""
+    # `running` in its settings is always false: see `is_running`.
     group: str = ""  # name of its control group below the slice; empty: it has none
     boot: str = ""  # id of the machine's start in which the group was made; empty: it is being made or removed
     changing: bool = False  # the group is given values that this definition does not have yet
@@ -145,9 +107,7 @@ def new_definition(operation: CreatePartition, name: str, host: str, taken: Iter
 
 def restored_definition(operation: RestorePartition) -> GroupDefinition:
     """Define a partition again that was removed: off, under its id."""
-    notes = operation.other_notes
-    notes = write_mark(notes, operation.mark) if operation.mark else notes
-    return GroupDefinition(id=operation.machine, settings=operation.settings, notes=notes)
+    return GroupDefinition(id=operation.machine, settings=operation.settings, notes=notes_of(operation))
 
 
 def new_settings(name: str, memory: int) -> PartitionSettings:
@@ -166,17 +126,6 @@ def new_settings(name: str, memory: int) -> PartitionSettings:
         checkpoints=Checkpoints.DISABLED,
         running=False,
     )
-
-
-def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
-    """Return the definition after an operation on it."""
-    match operation:
-        case WriteMark():
-            return replace(definition, notes=write_mark(definition.notes, operation.mark(definition.id)))
-        case EraseMark():
-            return replace(definition, notes=erase_mark(definition.notes))
-        case _:
-            return replace(definition, settings=applied(definition.settings, operation))
 
 
 def _ids(seed: str) -> Iterator[str]:

@@ -18,7 +18,7 @@ from rarms_iac.model.wording import counted
 from rarms_iac.providers.cgroups.definitions import GroupDefinition, new_settings
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
 from rarms_iac.providers.cgroups.machine import NAMESPACE
-from rarms_iac.providers.marks import with_marks
+from rarms_iac.providers.machines import with_marks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,15 +45,13 @@ class GroupValues:
 class GroupTree(ABC):
     """The groups below one slice."""
 
+    version: str  # v1 or v2
+    _memory_events: str  # name of the file with the count `oom_kill`
+
     def __init__(self, effects: LinuxEffects, slices: Mapping[str, Path]) -> None:
         self._effects = effects
         self._slices = slices  # controller -> the slice's folder in its hierarchy; in version 2 all are the same
         self._folders = tuple(dict.fromkeys(slices.values()))
-
-    @property
-    @abstractmethod
-    def version(self) -> str:
-        """Return v1 or v2."""
 
     @abstractmethod
     def write(self, name: str, values: GroupValues) -> None:
@@ -105,11 +103,6 @@ class GroupTree(ABC):
     @abstractmethod
     def _prepare_group(self, name: str) -> None:
         """Give a fresh group what it needs before a process may join."""
-
-    @property
-    @abstractmethod
-    def _memory_events(self) -> str:
-        """Return the name of the file with the count `oom_kill`."""
 
     @property
     def is_there(self) -> bool:

@@ -12,7 +12,6 @@ from fractions import Fraction
 from pathlib import Path
 from random import Random
 
-from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host, SchedulerType
@@ -28,10 +27,10 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import reason_of
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.processes import ThreadLooks, consumed_ms, looking_at
+from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work
+from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work, running_partition
 from rarms_iac.rcss import CLASSES_VARIABLE
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile, in_ms, kernel_text, whole_number
@@ -226,18 +225,12 @@ class LinuxMeasuringHost(LinuxHostProvider):
         """Return the control group of a running partition; where it has task classes, give it their budget."""
         partition = part.partition
         state, definitions = self._look()
-        found = resolve(state.partitions, partition, Scope(application=application, plan=""))
-        running = [managed for managed in found if managed.settings.running]
-        if len(running) != 1:
-            message = f"no partition {partition} of {application} runs"
-            raise HostRefused(
-                self.name, message, prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-            )
-        group = definitions[running[0].id].group
+        running = running_partition(state, partition, application)
+        group = definitions[running.id].group
         if part.classes:
             with self.kernel_errors():
                 try:
-                    self.tree.allow_real_time(group, running[0].settings.reserve)
+                    self.tree.allow_real_time(group, running.settings.reserve)
                 except OSError as problem:
                     message = f"{partition} gets no budget for its task classes: {reason_of(problem)}"
                     advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."

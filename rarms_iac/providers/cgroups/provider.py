@@ -5,11 +5,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.diff.readings import readings, resolve
+from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import DOCTOR, PLAN, Wording, prose
+from rarms_iac.model.commands import DOCTOR, Wording, prose
 from rarms_iac.model.facets import FACETS, Facet, Readings
-from rarms_iac.model.host import Host, LinuxHost
+from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -30,10 +30,9 @@ from rarms_iac.providers.cgroups.definitions import (
     DefinitionFiles,
     GroupDefinition,
     SettingOperation,
-    changed,
-    lack_of_memory,
-    lack_of_reserve,
+    lack_of_room,
     new_definition,
+    others_running,
     out_of_range,
     restored_definition,
 )
@@ -50,18 +49,17 @@ from rarms_iac.providers.cgroups.group_settings import (
     values_of,
 )
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import read_boot, read_facts
-from rarms_iac.providers.cgroups.processes import orphans
+from rarms_iac.providers.cgroups.machine import orphans, read_boot, read_facts
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.journaled import JournaledHost
+from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost
+from rarms_iac.providers.machines import changed, lack_of_memory
 from rarms_iac.running.kernel_files import UnreadableFile
 
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
 
 STATE_FOLDER = Path("/var/lib/rarms")
-PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
 
 
@@ -87,9 +85,8 @@ class LinuxHostProvider(JournaledHost):
             facts: of the machine; None: as it shows itself.
             boot: its latest start; empty: as it shows itself.
         """
-        settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
-        self._linux = settings
-        self._folder = state_folder / settings.slice
+        self._linux = host.linux
+        self._folder = state_folder / host.linux.slice
         self._effects = LinuxEffects()
         self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
@@ -155,19 +152,8 @@ class LinuxHostProvider(JournaledHost):
                 self._known_boot = self.tree.boot or read_boot(self._effects)
         return self._known_boot
 
-    @contextmanager
-    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+    def _refuse_files_of_others(self) -> None:
         self._definitions.refuse_writable_folder()
-        with super().lock(owner, timeout_ms):
-            yield
-
-    def journal(self) -> Journal | None:
-        self._definitions.refuse_writable_folder()
-        return super().journal()
-
-    def unfinished(self) -> Journal | None:
-        self._definitions.refuse_writable_folder()
-        return super().unfinished()
 
     def observe(self) -> State:
         return self._look()[0]
@@ -244,9 +230,12 @@ class LinuxHostProvider(JournaledHost):
     def _do(self, operation: Operation, scope: Scope, state: State, known: Mapping[str, GroupDefinition]) -> None:
         match operation:
             case CreatePartition():
-                self._create(operation, state, scope)
+                self.refuse_repeated(state, operation, scope)
+                taken = [partition.id for partition in state.partitions]
+                self._add(new_definition(operation, scope.pending(operation.partition), state.facts.id, taken))
             case RestorePartition():
-                self._make_again(operation, state, scope)
+                self.refuse_repeated(state, operation, scope)
+                self._add(restored_definition(operation))
             case RemoveDisk() | Set(facet=Facet.SECURE_BOOT):
                 raise self._plan_again(f"a control group cannot do this: {operation}")
             case _ if isinstance(operation, TaskOperation):
@@ -254,25 +243,12 @@ class LinuxHostProvider(JournaledHost):
                     f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}"
                 )
             case _:
-                definition = known[self._partition_id(operation, state, scope)]
-                self._change(definition, operation, state)
+                partition = self.managed(state, operation.partition, scope, operation.machine)
+                self._change(known[partition.id], operation, state)
 
-    def _create(self, operation: CreatePartition, state: State, scope: Scope) -> None:
-        if resolve(state.partitions, operation.partition, scope):
-            raise self._plan_again(f"there is a partition {operation.partition} already")
-        taken = [partition.id for partition in state.partitions]
-        definition = new_definition(operation, scope.pending(operation.partition), state.facts.id, taken)
+    def _add(self, definition: GroupDefinition) -> None:
         if problem := out_of_range(definition.settings):
-            raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
-        self._definitions.save(definition)
-
-    def _make_again(self, operation: RestorePartition, state: State, scope: Scope) -> None:
-        known = {partition.id for partition in state.partitions}
-        if operation.machine in known or resolve(state.partitions, operation.partition, scope):
-            raise self._plan_again(f"there is a partition {operation.partition} already")
-        definition = restored_definition(operation)
-        if problem := out_of_range(definition.settings):
-            raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
+            raise self._plan_again(f"{definition.settings.name} cannot be made: {problem}")
         self._definitions.save(definition)
 
     def _change(self, definition: GroupDefinition, operation: GroupOperation, state: State) -> None:
@@ -294,7 +270,8 @@ class LinuxHostProvider(JournaledHost):
                 problem = out_of_range(after.settings)
                 facet = operation.facet if isinstance(operation, Set) else None
                 if facet is Facet.MEMORY and self._runs(definition):
-                    problem = problem or lack_of_memory(after.settings, definition.id, state)
+                    others = others_running(definition.id, state)
+                    problem = problem or lack_of_memory(after.settings, others, state.facts.memory)
                 if problem:
                     raise self._plan_again(f"{definition.settings.name}: {problem}")
                 if facet and FACETS[facet].in_group and self._runs(definition):
@@ -323,9 +300,8 @@ class LinuxHostProvider(JournaledHost):
         if self._runs(definition):
             return
         settings = definition.settings
-        for lack in (lack_of_memory, lack_of_reserve):
-            if problem := lack(settings, definition.id, state):
-                raise self._plan_again(problem)
+        if problem := lack_of_room(settings, definition.id, state):
+            raise self._plan_again(problem)
         group = self._free_name(definition)
         begun = replace(definition, group=group, boot="")
         self._definitions.save(begun)
@@ -345,7 +321,7 @@ class LinuxHostProvider(JournaledHost):
 
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
-        self._definitions.refuse_writable_folder()
+        self._refuse_files_of_others()
         with self.kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions.all():
@@ -405,14 +381,6 @@ class LinuxHostProvider(JournaledHost):
         for name, group in running.items():
             if name not in known:
                 yield foreign_definition(name, group, self.facts, self.boot)
-
-    def _partition_id(self, operation: GroupOperation, state: State, scope: Scope) -> str:
-        """Return the id of the partition that the operation's name resolves to."""
-        found = resolve(state.partitions, operation.partition, scope, operation.machine)
-        if len(found) != 1:
-            count = f"{len(found)} control groups are" if found else "no control group is"
-            raise self._plan_again(f"{count} managed as the partition {operation.partition}")
-        return found[0].id
 
     @contextmanager
     def kernel_errors(self, partition: str = "", advice: Wording = ASK_DOCTOR) -> Iterator[None]:

@@ -25,11 +25,8 @@ _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
 class GroupTreeV1(GroupTree):
     """Version 1: a hierarchy for each controller."""
 
+    version = "v1"
     _memory_events = "memory.oom_control"
-
-    @property
-    def version(self) -> str:
-        return "v1"
 
     def write(self, name: str, values: GroupValues) -> None:
         self._write("cpu", name, "cpu.shares", str(_shares(values)))
@@ -93,11 +90,8 @@ class GroupTreeV1(GroupTree):
 class GroupTreeV2(GroupTree):
     """Version 2: one hierarchy."""
 
+    version = "v2"
     _memory_events = "memory.events"
-
-    @property
-    def version(self) -> str:
-        return "v2"
 
     def write(self, name: str, values: GroupValues) -> None:
         self._refuse_used_memory(name, values.memory)

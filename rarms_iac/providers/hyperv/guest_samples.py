@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Run
@@ -11,10 +12,9 @@ from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.measuring import RemainingSamples, Work
 from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader, describe_no_sample, skip_line
-from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
 
-FORMAT = "rarms-seen/1"
 TICKS_MS = 10_000.0
 """Of 100 ns, in which runners and the hypervisor count, to a millisecond."""
 
@@ -152,6 +152,7 @@ class _Counters:
 class Seen:
     """A line of a measuring script about what it saw."""
 
+    format: Literal["rarms-seen/1"]
     setting: str
     name: str
     seen: str
@@ -159,23 +160,14 @@ class Seen:
 
 
 def read_seen(line: str) -> Seen | None:
-    """Read a line of a measuring script.
-
-    Returns:
-        None where it is an event, or noise of the host or of a guest.
-    """
+    """Read a line of a measuring script; None where it is an event, or noise of the host or of a guest."""
     if not line.startswith("{"):
         return None
     try:
-        document = parse_json(line)
+        seen = decode(Seen, parse_json(line))
     except NotDecodable:
         return None
-    match document:
-        case {"format": str(kind), "setting": str(setting), "name": str(name), "seen": str(seen), "at_ms": int(at_ms)}:
-            is_known = kind == FORMAT and _SEEN.fullmatch(seen) is not None
-            return Seen(setting=setting, name=name, seen=seen, at_ms=at_ms) if is_known else None
-        case _:
-            return None
+    return seen if _SEEN.fullmatch(seen.seen) else None
 
 
 class _GuestReader:

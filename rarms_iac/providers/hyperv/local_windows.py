@@ -27,7 +27,7 @@ import winerror
 
 from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
-from rarms_iac.providers.hyperv.transport import ADMINISTRATORS_ONLY, protect
+from rarms_iac.providers.hyperv.transport import protect
 from rarms_iac.providers.hyperv.wmi_document import QUERIES, NotRead, RegistryKey, WmiInstance, local_document
 from rarms_iac.storage.reading import read_file
 
@@ -44,6 +44,8 @@ EXPLANATIONS = {
     NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
 }
 OWNER = "owner.txt"  # of `templates/powershell/Rarms/Rarms.psm1`: open while a run holds the computer
+ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
+"""As `templates/powershell/Rarms/Rarms.psm1` has it."""
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
 KINDS = {

@@ -12,19 +12,18 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.environment_setup import PlatformFacts
-from rarms_iac.model.host import Host, HypervHost
+from rarms_iac.model.environment_setup import PartitionShape, PlatformFacts
+from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import last_words, reason_of
-from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
+from rarms_iac.powershell.measuring import GuestWork, render_measuring, script_name
 from rarms_iac.providers.channel import Conversation, SilenceTimeout, no_look
-from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.provider import LiveHypervHost, read_event
-from rarms_iac.providers.hyperv.transport import Transport, end_of
+from rarms_iac.providers.hyperv.transport import STOP, Transport, arguments_of, end_of
 from rarms_iac.providers.interface import (
     NO_WAITING,
     EventKind,
@@ -36,7 +35,7 @@ from rarms_iac.providers.interface import (
     ScriptExited,
     WaitLimits,
 )
-from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionShape, PartitionWork, Work
+from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
 from rarms_iac.running.loads import FLAGS, HERE
 from rarms_iac.running.start import PERIOD_VARIABLE
 from rarms_iac.storage.reading import read_file
@@ -73,7 +72,7 @@ class HypervMeasuringHost(LiveHypervHost):
         super().__init__(host, transport, signed)
         self._base = base
         self._credentials = credentials
-        self._settings = host.settings if isinstance(host.settings, HypervHost) else HypervHost()
+        self._settings = host.hyperv
         self._shapes: tuple[PartitionShape, ...] = ()
         self._reserves: Mapping[str, int] = {}
         self._waits = NO_WAITING
@@ -259,23 +258,9 @@ class HypervMeasuringHost(LiveHypervHost):
             HostFailed: the host cannot be observed.
         """
         facts: HostFacts = self.observe().facts
-        machines = [self._machine(shape) for shape in shapes]
         name = script_name(self._host)
-        text = render_measuring(self._host, facts, application, machines, works)
+        text = render_measuring(self._host, facts, application, shapes, works)
         return ScriptBundle(runs=name, files={name: text.decode("ascii")})
-
-    def _machine(self, shape: PartitionShape) -> TestMachine:
-        return TestMachine(
-            name=shape.name,
-            processors=shape.processors,
-            memory=shape.memory,
-            limit=shape.limit,
-            weight=shape.weight,
-            generation=self._settings.generation,
-            image=self._settings.image or "",
-            folder=self._settings.vm_path or "",
-            secure_boot=(self._settings.secure_boot or "") if self._settings.generation == 2 else "",
-        )
 
     def _guest_works(
         self, partitions: Sequence[PartitionWork], shapes: Sequence[PartitionShape]

@@ -48,7 +48,7 @@ from rarms_iac.providers.hyperv.observation import (
     or_else,
 )
 from rarms_iac.providers.journaled import split_run
-from rarms_iac.providers.marks import with_marks
+from rarms_iac.providers.machines import with_marks
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.records import Damaged, records_in

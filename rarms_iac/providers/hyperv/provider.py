@@ -14,11 +14,18 @@ from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel, ssh_channel
-from rarms_iac.providers.hyperv.bootstrap import SHELLS, RemotePowerShell, arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of, or_else
 from rarms_iac.providers.hyperv.parse import JOURNAL, UnusableJournal, last_run_of, to_state
-from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, RemoteTransport, Transport
+from rarms_iac.providers.hyperv.transport import (
+    SHELLS,
+    Listener,
+    LocalTransport,
+    RemotePowerShell,
+    ScriptTransport,
+    Transport,
+    arguments_of,
+)
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,
@@ -212,7 +219,7 @@ def transport_to(host: Host, channel: CommandChannel | None = None) -> Transport
 
         channel = winrm_channel(host.name, connect)
     assert channel is not None, "connect is one of these"
-    return RemoteTransport(host.name, channel, there)
+    return ScriptTransport(host.name, channel, there)
 
 
 class _Events:

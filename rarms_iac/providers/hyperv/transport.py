@@ -1,28 +1,36 @@
-"""Running scripts on a Hyper-V host, and talking with them: here through its PowerShell, elsewhere through a channel.
+"""Running scripts on a Hyper-V host, this computer or another one, and talking with them.
 
-All are given the same bytes and say the same: lines, and an exit code. From elsewhere there is one fixed command, and
-scripts on its standard input (`bootstrap`).
+Each channel starts one fixed command; all else comes to its standard input: scripts in a frame with lengths and
+digests. `templates/powershell/loader.ps1.j2` and the module's `Receive-RarmsPlan` say how that is read there. The
+command's words are plain ASCII without spaces or quotes, so that it means the same to cmd.exe, PowerShell and every
+other shell that sshd may start.
 """
 
+import hashlib
+import re
 import shutil
 import sys
 import tempfile
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
-from rarms_iac.model.commands import command, prose
-from rarms_iac.model.host import Receiver
+from rarms_iac.model import commands
+from rarms_iac.model.commands import prose
+from rarms_iac.model.host import Receiver, Shell
 from rarms_iac.model.version import __version__
+from rarms_iac.powershell.templates import as_script, fill, receiver_text, template_text
 from rarms_iac.providers.channel import (
     SSH_FAILED,
+    Channel,
     CommandChannel,
     Conversation,
     EndedConversation,
     LiveChannel,
-    ProgramChannel,
     SilenceTimeout,
     await_line,
     last_of,
@@ -31,30 +39,112 @@ from rarms_iac.providers.channel import (
     one_command_only,
     open_channel,
 )
-from rarms_iac.providers.hyperv.bootstrap import (
-    FAILED,
-    FAILED_CODE,
-    INSTALLED_FILE,
-    NO_MORE,
-    PROGRAMS,
-    SHELLS,
-    STOP,
-    WINDOWS_POWERSHELL,
-    RemotePowerShell,
-)
-from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost, WaitLimits
 
-STOPPING_SECONDS = 120.0  # for a script to remove what it made
+SHELLS = ("pwsh", "powershell")
+WINDOWS_POWERSHELL: Shell = "powershell"
 
-ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
-"""As `templates/powershell/Rarms/Rarms.psm1` has it."""
+READY = "rarms-bootstrap/1 ready"
+ANSWERS = "rarms-receiver/1 "
+"""Begins the line by which an installed module answers: `ready` and its version, or `has` and those that are there."""
+INSTALLED_FILE = r"C:\Program Files\WindowsPowerShell\Modules\Rarms\receive.ps1"
+FAILED = "rarms-bootstrap/1 failed"
+FAILED_CODE = 90
+STOP = b"s"
+NO_MORE = b"o"
+"""Said behind the scripts where the input ends at once and the script is to go on all the same."""
+
+PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
+_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
+
+
+def render_receiver() -> bytes:
+    """Return what takes scripts from standard input and runs the first: its text travels ahead of them."""
+    return fill("bootstrap.ps1.j2", {"receiver": receiver_text()})
+
+
+def render_loader() -> bytes:
+    """Return what ssh starts, as a reader sees it: it runs the receiver of exactly this version."""
+    return fill("loader.ps1.j2", {"digest": hashlib.sha256(render_receiver()).hexdigest().upper()})
+
+
+@cache
+def command() -> str:
+    """Return the loader without remarks and indentation: what the command holds, before it is encoded."""
+    lines = [line.strip() for line in render_loader().decode("ascii").splitlines()]
+    return "\n".join(line for line in lines if line and not line.startswith("#"))
+
+
+def render_installed_receiver() -> bytes:
+    """Return the script that starts the receiver of an installed module.
+
+    A user signs it, and lays it above the versions.
+    """
+    return as_script(template_text("receive.ps1"))
+
+
+@dataclass(frozen=True, slots=True)
+class RemotePowerShell:
+    """What is started at the other end: a PowerShell, and in it what takes scripts from standard input."""
+
+    shell: str
+    receiver: Receiver = Receiver.SENT
+
+    @property
+    def program(self) -> str:
+        """The name of the PowerShell, as the command starts it."""
+        return PROGRAMS[self.shell]
+
+    def words(self) -> tuple[str, ...]:
+        """Return the command; `-InputFormat None` leaves its standard input to the loader or the module."""
+        options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
+        if self.receiver is Receiver.SENT:
+            return (self.program, *options, "-EncodedCommand", b64encode(command().encode("utf-16-le")).decode("ascii"))
+        file = ("-ExecutionPolicy", "RemoteSigned", "-File", f'"{INSTALLED_FILE}"', "-Version", __version__)
+        return (self.program, *options, *file)
+
+    def is_answer(self, line: str) -> bool:
+        """Whether the line says that scripts can come, or why not."""
+        return line == READY if self.receiver is Receiver.SENT else line.startswith(ANSWERS)
+
+    def other_versions(self, line: str) -> str:
+        """Which versions of the module are there instead of this one, empty where it is ready."""
+        if self.receiver is Receiver.SENT or line == f"{ANSWERS}ready {__version__}":
+            return ""
+        return line.removeprefix(ANSWERS).partition(" ")[2].strip() or "none"
+
+    def frame(self, script: ScriptBundle, arguments: Sequence[str]) -> bytes:
+        """Return the bytes for standard input: the receiver, then lengths and digests, then the scripts.
+
+        Raises:
+            ValueError: a file has a name that the receiver would refuse.
+        """
+        names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
+        bodies = [script.files[name].encode("ascii") for name in names]
+        rows: list[str] = []
+        for name, body in zip(names, bodies, strict=True):
+            if not _NAME.fullmatch(name):
+                raise ValueError(f"{name!r} cannot be a script's name")
+            rows.append(f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}")
+        table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
+        parts = [table] if self.receiver is Receiver.INSTALLED else [render_receiver(), table]
+        return b"".join([b"%08d" % len(part) + part for part in parts] + bodies)
+
+
+def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
+    """Return the arguments of a script that changes something."""
+    lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
+    return ("-AsJson", "-Force", *lock, *(("-Abandon",) if abandoning else ()))
+
 
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """Only the owner, Administrators and SYSTEM, at any place that `TEMP` names."""
 
+STOPPING_SECONDS = 120.0  # for a script to remove what it made
+
 _INSTALLING = prose(
     "Have ",
-    command("show", transport=True, out="FOLDER"),
+    commands.command("show", transport=True, out="FOLDER"),
     " write it, sign its files where only signed ones run, and copy FOLDER\\Rarms into "
     + INSTALLED_FILE.rpartition("\\Rarms\\")[0]
     + " there.",
@@ -96,63 +186,7 @@ class Transport(Protocol):
         """Make a transport to this host that starts Windows PowerShell 5.1 there."""
 
 
-class LocalTransport:
-    """The PowerShell of this computer."""
-
-    def __init__(self, host: str, shells: Sequence[str] = SHELLS) -> None:
-        self._host = host
-        self._shells = shells
-
-    def run(
-        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
-    ) -> ScriptExited | ScriptLost:
-        """Have the scripts in a folder of this user's own while they run."""
-        program = self._program()
-        with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
-            protect(folder, OURS_ONLY)
-            for name, text in script.files.items():
-                file = Path(folder) / name
-                file.parent.mkdir(exist_ok=True)
-                file.write_bytes(text.encode("ascii"))
-            path = Path(folder) / script.runs
-            options = ("-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(path))
-            stop = path.with_name(f"{path.name}.stop")
-            with open_channel(self._host, (program, *options, *arguments)) as channel:
-                channel.close()
-                return follow(channel, self._host, silence_s, listener, stop.touch)
-
-    @contextmanager
-    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[Conversation]:
-        """Have the bootstrap start it here, too, since it notices when rarms is gone."""
-        there = RemotePowerShell(self._shells[-1])
-        here = ProgramChannel(host=self._host, target="this computer", words=())
-        with open_channel(self._host, (self._program(), *there.words()[1:])) as channel:
-            _await_bootstrap(channel, self._host, here, there)
-            with _until_stopped(channel, there.frame(script, arguments)):
-                yield channel
-
-    def in_windows_powershell(self) -> "LocalTransport":
-        return LocalTransport(self._host, (WINDOWS_POWERSHELL,))
-
-    def _program(self) -> str:
-        for shell in self._shells:
-            if found := shutil.which(PROGRAMS[shell]):
-                return found
-        names = " or ".join(PROGRAMS[shell] for shell in self._shells)
-        raise HostFailed(
-            self._host,
-            f"{names} is not on this computer, which the manifest says is the host",
-            prose(
-                "Say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that ",
-                command("snapshot", script=True),
-                " writes there, then ",
-                command("plan", snapshot=f"{self._host}=FILE"),
-                ".",
-            ),
-        )
-
-
-class RemoteTransport:
+class ScriptTransport:
     """A channel that starts the fixed bootstrap at the other end.
 
     Nothing is sent before the other end says that it is ready. A channel that runs one command sends all at once: lines
@@ -194,26 +228,80 @@ class RemoteTransport:
             raise one_command_only(self._host)
         if refusal := self._channel.refusal_to_measure:
             raise refusal
-        with self._channel.open(self._command) as conversation:
-            _await_bootstrap(conversation, self._host, self._channel, self._there)
-            with _until_stopped(conversation, self._there.frame(script, arguments)):
+        with self._ready(self._there.frame(script, arguments), 0.0) as conversation:
+            try:
                 yield conversation
+            finally:  # it removes what it made
+                conversation.send(STOP)
+                with suppress(SilenceTimeout):
+                    while conversation.next_line(STOPPING_SECONDS, no_look) is not None:
+                        continue
 
-    def in_windows_powershell(self) -> "RemoteTransport":
-        return RemoteTransport(self._host, self._channel, replace(self._there, shell=WINDOWS_POWERSHELL))
+    def in_windows_powershell(self) -> "ScriptTransport":
+        return ScriptTransport(self._host, self._channel, replace(self._there, shell=WINDOWS_POWERSHELL))
 
 
-@contextmanager
-def _until_stopped(conversation: Conversation, frame: bytes) -> Iterator[None]:
-    """Run a script behind a bootstrap that is ready, until it has removed what it made."""
-    conversation.send(frame)
-    try:
-        yield
-    finally:
-        conversation.send(STOP)
-        with suppress(SilenceTimeout):
-            while conversation.next_line(STOPPING_SECONDS, no_look) is not None:
-                continue
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalChannel(LiveChannel):
+    """The PowerShell of this computer."""
+
+    target: str = "this computer"
+
+    def open(self, command: str) -> Channel:
+        return self.start(*command.split(" "))
+
+    def start(self, program: str, *options: str) -> Channel:
+        """Start a PowerShell.
+
+        Raises:
+            HostFailed: it is not here.
+        """
+        if found := shutil.which(program):
+            return open_channel(self.host, (found, *options))
+        raise HostFailed(
+            self.host,
+            f"{' or '.join(PROGRAMS.values())} is not on this computer, which the manifest says is the host",
+            prose(
+                "Say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that ",
+                commands.command("snapshot", script=True),
+                " writes there, then ",
+                commands.command("plan", snapshot=f"{self.host}=FILE"),
+                ".",
+            ),
+        )
+
+
+class LocalTransport(ScriptTransport):
+    """The PowerShell of this computer.
+
+    It runs scripts as files: where a policy forbids the bootstrap's text, signed files may run. The bootstrap starts
+    only what is talked with, since it notices when rarms is gone.
+    """
+
+    def __init__(self, host: str, shell: str = "") -> None:
+        self._here = LocalChannel(host=host)
+        found = next((each for each in SHELLS if shutil.which(PROGRAMS[each])), WINDOWS_POWERSHELL)
+        super().__init__(host, self._here, RemotePowerShell(shell or found))
+
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        """Have the scripts in a folder of this user's own while they run."""
+        with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
+            protect(folder, OURS_ONLY)
+            for name, text in script.files.items():
+                file = Path(folder) / name
+                file.parent.mkdir(exist_ok=True)
+                file.write_bytes(text.encode("ascii"))
+            path = Path(folder) / script.runs
+            options = ("-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(path))
+            stop = path.with_name(f"{path.name}.stop")
+            with self._here.start(self._there.program, *options, *arguments) as channel:
+                channel.close()
+                return follow(channel, self._host, silence_s, listener, stop.touch)
+
+    def in_windows_powershell(self) -> "LocalTransport":
+        return LocalTransport(self._host, WINDOWS_POWERSHELL)
 
 
 def _await_bootstrap(conversation: Conversation, host: str, channel: CommandChannel, there: RemotePowerShell) -> None:

@@ -6,7 +6,6 @@ told: a script that changes something goes on to its end, and measuring, whose t
 
 import os
 import re
-from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -17,12 +16,11 @@ from typing import TYPE_CHECKING, Any
 from rarms_iac.model.host import WinRmConnect
 from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.channel import (
-    KEPT_LINES,
     LAST_SECONDS,
     LONGEST_LINE,
     SSH_FAILED,
     LiveChannel,
-    next_of,
+    QueuedConversation,
     not_reached,
 )
 from rarms_iac.providers.interface import HostFailed
@@ -136,15 +134,14 @@ def _service(host: str, connect: WinRmConnect) -> Any:
     )
 
 
-class RemoteProgram:
+class RemoteProgram(QueuedConversation):
     """A `Conversation` with a program that WinRM started. Use it as a context: when that ends, so does the program."""
 
     def __init__(self, process: Any) -> None:
         """Begin to ask for its output; `process` is pypsrp's, and was started."""
+        super().__init__()
         self._process = process
-        self._lines: SimpleQueue[bytes | None] = SimpleQueue()
         self._sending: SimpleQueue[bytes] = SimpleQueue()
-        self._errors: deque[str] = deque(maxlen=KEPT_LINES)
         self._rest = b""
         self._broke = False
         self._leaving = Event()
@@ -158,19 +155,12 @@ class RemoteProgram:
         self._leaving.set()
         self._thread.join(LAST_SECONDS)
 
-    @property
-    def error_lines(self) -> tuple[str, ...]:
-        return tuple(self._errors)
-
     def send(self, data: bytes) -> None:
         for at in range(0, len(data), LARGEST_SEND):
             self._sending.put(data[at : at + LARGEST_SEND])
 
     def close(self) -> None:
         """Do nothing: the service has no end of input."""
-
-    def next_line(self, silence_s: float, look: "Callable[[], None]") -> str | None:
-        return next_of(self._lines, silence_s, look)
 
     def code(self) -> int | None:
         self._thread.join(LAST_SECONDS)

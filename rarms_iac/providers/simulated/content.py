@@ -1,10 +1,12 @@
-"""The content of a simulated host, its file, and what operations make of it: machines, disks, registries.
+"""The content of a simulated host: its file, what operations make of it, and the State that a look shows.
 
 The machine itself (processors, memory, build, scheduler, rights) is described by the manifest each time; this is what
-was done to it since. The file is one record as in a journal, with a checksum: a file that is not exactly as it was
-written is damaged, and is never taken for something else. Pure: what is refused was refused before (`refusals.py`).
+was done to it since: machines, disks, registries. The file is one record as in a journal, with a checksum: a file that
+is not exactly as it was written is damaged, and is never taken for something else. Pure: what is refused was refused
+before (`refusals.py`).
 """
 
+import re
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,24 +14,30 @@ from pathlib import Path
 from typing import Literal, TypeVar, assert_never, cast
 
 from rarms_iac.model import operations
+from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.changes import RESPONSIVENESS, Address
+from rarms_iac.model.host import Host
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, USUAL
-from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import (
     Checkpoints,
     Disk,
     DiskKind,
+    HostFacts,
+    Partition,
     PartitionSettings,
     RegistryValue,
     Responsiveness,
+    Rights,
     RunState,
     StartAction,
+    State,
     StopAction,
+    TaskClass,
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.providers.marks import erase_mark, write_mark
+from rarms_iac.providers.machines import KeptMachine, changed, notes_of, with_marks
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.records import Record, records_in, sealed_line
 
@@ -131,13 +139,10 @@ NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedMachine:
+class SimulatedMachine(KeptMachine):
     """A machine of the host."""
 
-    id: str
-    settings: PartitionSettings  # `running` agrees with `state`
-    state: RunState
-    notes: str = ""
+    state: RunState  # `running` of its settings agrees with it
 
     def now(self, state: RunState) -> "SimulatedMachine":
         """Return the machine in this state."""
@@ -261,8 +266,9 @@ def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
 
 def with_restored_machine(content: Content, operation: operations.RestorePartition) -> Content:
     """Return the content with a machine again that was removed: off, and with rarms' task classes in its guest."""
-    notes = write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
-    machine = SimulatedMachine(id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes)
+    machine = SimulatedMachine(
+        id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes_of(operation)
+    )
     if not operation.tasks:
         return content.with_machine(machine)
     registry = replace(
@@ -287,14 +293,93 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
     match operation:
         case operations.RemovePartition():
             return content.without_machine(machine.id)
-        case operations.WriteMark():
-            changed = replace(machine, notes=write_mark(machine.notes, operation.mark(machine.id)))
-        case operations.EraseMark():
-            changed = replace(machine, notes=erase_mark(machine.notes))
         case operations.StartPartition():
-            changed = machine.now(RunState.RUNNING)
+            return content.with_machine(machine.now(RunState.RUNNING))
         case operations.StopPartition():
-            changed = machine.now(RunState.OFF)
+            return content.with_machine(machine.now(RunState.OFF))
         case _:
-            changed = replace(machine, settings=applied(machine.settings, operation))
-    return content.with_machine(changed)
+            return content.with_machine(changed(machine, operation))
+
+
+DISK_FOLDER = "C:\\disks"
+"""The folder of a simulated host's disks, as its facts name it."""
+
+_PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
+
+
+def to_state(content: Content, host: Host) -> State:
+    """Return the State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
+    facts = facts_of(content, host)
+    is_visible = facts.rights is Rights.PROVEN
+    partitions = _partitions(content, host, facts) if is_visible else ()
+    guests = sorted((inside, partition.id) for partition in partitions if (inside := _stands_for(partition)))
+    return State(
+        facts=facts,
+        partitions=partitions,
+        tasks=tuple(task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine)),
+        responsiveness=content.registry("").responsiveness,
+        disks=content.disks if is_visible else (),
+    )
+
+
+def _partitions(content: Content, host: Host, facts: HostFacts) -> tuple[Partition, ...]:
+    """Return the machines by name, then id, with the marks that count."""
+    sharing, build = core_sharing(facts), host.simulated.guest_windows_build
+    return with_marks(
+        (
+            Partition(
+                settings=machine.settings, id=machine.id, state=machine.state, sharing=sharing, guest_build=build
+            ),
+            machine.notes,
+        )
+        for machine in content.machines.values()
+    )
+
+
+def facts_of(content: Content, host: Host) -> HostFacts:
+    """Return the facts of the host that decisions rest on, as the manifest describes it now."""
+    described = host.simulated
+    return HostFacts(
+        name=host.name,
+        id=content.id,
+        provider=host.provider,
+        computer_name=host.name,
+        os_build=described.windows_build,
+        client=described.client,
+        scheduler=described.scheduler_type,
+        smt=described.smt,
+        logical_processors=host.logical_processors,
+        memory=int(host.memory),
+        rights=Rights.PROVEN if described.administrator else Rights.MISSING,
+        disk_folder=DISK_FOLDER,
+    )
+
+
+def _stands_for(partition: Partition) -> str:
+    """Return the manifest's name of a partition of rarms, also of one that is being made.
+
+    Empty for the machines of others.
+    """
+    if partition.mark is not None:
+        return partition.mark.name
+    pending = _PENDING.fullmatch(partition.settings.name)
+    return pending["partition"] if pending else ""
+
+
+def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:
+    """Return the task classes of one operating system by name, a record without its key included."""
+    registry = content.registry(machine)
+    if registry is FRESH:
+        return [TaskClass(name=name, inside=inside, machine=machine, values=values) for name, values in SHIPPED.items()]
+    keys = {name.lower(): name for name in registry.tasks}
+    names = sorted({**{record: record for record in registry.records}, **keys}.items())
+    return [
+        TaskClass(
+            name=name,
+            inside=inside,
+            machine=machine,
+            values=registry.tasks.get(name, {}),
+            record=registry.records.get(lower),
+        )
+        for lower, name in names
+    ]

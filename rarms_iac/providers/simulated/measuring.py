@@ -9,21 +9,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, assert_never, runtime_checkable
 
-from rarms_iac.diff.readings import resolve
-from rarms_iac.model.commands import PLAN, command, prose
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.mmcss import thread_priority
-from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample
-from rarms_iac.model.state import RegistryValue, State, ValueKind
+from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.measuring import Obstacle, PartitionWork, RemainingSamples, Work
+from rarms_iac.providers.measuring import Obstacle, PartitionWork, RemainingSamples, Work, running_partition
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
-from rarms_iac.providers.simulated.observation import description
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,
@@ -101,7 +98,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         self._simulate = simulate
 
     def platform_facts(self) -> PlatformFacts:
-        described = description(self._host)
+        described = self._host.simulated
         return PlatformFacts(
             provider=self._host.provider,
             processor=PROCESSOR,
@@ -157,13 +154,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return _partition(machine, partition_work.partition, components=demands, loads=loads)
 
     def _running(self, content: Content, partition: str, application: str) -> SimulatedMachine:
-        state: State = self._machines(content)
-        partitions = resolve(state.partitions, partition, Scope(application=application, plan=""))
-        if len(partitions) != 1 or not partitions[0].settings.running:
-            raise HostRefused(
-                self.name, f"no partition {partition} of {application} runs", prose(PLAN, " shows what is wanted.")
-            )
-        return content.machines[partitions[0].id]
+        return content.machines[running_partition(self._state(content), partition, application).id]
 
     def _idle(self, content: Content, work: Work) -> tuple[VirtualMachine, ...]:
         """Return the other running machines: they do nothing, and keep what they reserve."""

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.diff.readings import readings, resolve
+from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Fault, FaultEffect, Host
 from rarms_iac.model.operations import (
@@ -20,7 +19,7 @@ from rarms_iac.model.operations import (
     call_name,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import Rights, State
+from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
 from rarms_iac.providers.simulated.content import (
@@ -33,19 +32,11 @@ from rarms_iac.providers.simulated.content import (
     new_settings,
     next_id,
     read_content,
+    to_state,
     with_new_disk,
     with_new_machine,
     with_restored_machine,
     write_content,
-)
-from rarms_iac.providers.simulated.observation import (
-    description,
-    facts_of,
-    partitions_of,
-    stands_for,
-    tasks_of,
-    to_state,
-    visible_disks,
 )
 from rarms_iac.providers.simulated.refusals import (
     Refusal,
@@ -59,7 +50,6 @@ from rarms_iac.storage.writing import remove_leftovers
 
 ROBOTS = "hosts"
 """The folder in which each set of overlays, a robot's, has a folder of its own for the states of its hosts."""
-PARTITION_AGAIN = prose("Look at the host again: ", PLAN, ".")
 
 
 class SimulatedHostProvider(JournaledHost):
@@ -79,21 +69,14 @@ class SimulatedHostProvider(JournaledHost):
         self._last_state: tuple[Content, State] | None = None  # by its content
 
     def observe(self) -> State:
-        return to_state(self.load(), self._host, self._serials())
+        return replace(self._state(self.load()), serials=self._serials())
 
     def _recover(self) -> None:
         for path in (self._path, self._journal_path):
             remove_leftovers(path)
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        content = self.load()
-        state = self._machines(content)
-        if address.task:
-            inside = [partition for partition in state.partitions if stands_for(partition) == address.partition]
-            state = replace(state, tasks=tasks_of(content, inside))
-        if address.responsiveness:
-            state = replace(state, responsiveness=content.registry("").responsiveness)
-        return readings(state, address, scope)
+        return readings(self._state(self.load()), address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """Faults that the manifest asks for strike here."""
@@ -151,23 +134,19 @@ class SimulatedHostProvider(JournaledHost):
             self._files.replace(self._path, data)
         self._last_content = (data, content)
 
-    def _machines(self, content: Content) -> State:
-        """Return the state as far as names need it to be resolved, without task classes."""
+    def _state(self, content: Content) -> State:
         if self._last_state is None or self._last_state[0] is not content:
-            facts = facts_of(content, self._host)
-            visible = partitions_of(content, self._host) if facts.rights is Rights.PROVEN else ()
-            self._last_state = (content, State(facts=facts, partitions=visible, disks=visible_disks(content, facts)))
+            self._last_state = (content, to_state(content, self._host))
         return self._last_state[1]
 
     def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
-        state = self._machines(content)
+        state = self._state(content)
         refuse_without_rights(state.facts)
         match operation:
             case CreatePartition():
                 return self._after_creation(content, state, operation, scope)
             case RestorePartition():
-                if operation.machine in content.machines or resolve(state.partitions, operation.partition, scope):
-                    raise Refusal(f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+                self.refuse_repeated(state, operation, scope)
                 return with_restored_machine(content, operation)
             case RemoveDisk():
                 refuse_disk_removal(content, operation)
@@ -178,20 +157,19 @@ class SimulatedHostProvider(JournaledHost):
                 return self._after_machine(content, state, operation, scope)
 
     def _after_task(self, content: Content, state: State, operation: TaskOperation, scope: Scope) -> Content:
-        machine = self._only(content, state, address_of(operation), scope).id if operation.inside else ""
+        machine = self._only(content, state, operation, scope).id if operation.inside else ""
         registry = content.registry(machine)
         refuse_task_change(registry, operation)
         return content.with_registry(machine, change_registry(registry, operation))
 
     def _after_machine(self, content: Content, state: State, operation: MachineOperation, scope: Scope) -> Content:
-        machine = self._only(content, state, address_of(operation), scope)
-        guest_build = description(self._host).guest_windows_build
+        machine = self._only(content, state, operation, scope)
+        guest_build = self._host.simulated.guest_windows_build
         refuse_change(operation, machine, content, state.facts, guest_build)
         return change_machine(content, machine, operation)
 
     def _after_creation(self, content: Content, state: State, operation: CreatePartition, scope: Scope) -> Content:
-        if resolve(state.partitions, operation.partition, scope):
-            raise Refusal(f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+        self.refuse_repeated(state, operation, scope)
         settings = new_settings(operation, scope)
         refuse_creation(operation, settings)
         after = with_new_machine(content, settings)
@@ -199,17 +177,13 @@ class SimulatedHostProvider(JournaledHost):
             return after
         return with_new_disk(after, next_id(content, settings.name), operation, state.facts.disk_folder, scope)
 
-    def _only(self, content: Content, state: State, address: Address, scope: Scope) -> SimulatedMachine:
-        """Return the one machine that the name stands for."""
-        machines = resolve(state.partitions, address.partition, scope, address.machine)
-        if len(machines) != 1:
-            count = f"{len(machines)} machines are" if machines else "no machine is"
-            raise Refusal(f"{count} managed as the partition {address.partition}", PARTITION_AGAIN)
-        return content.machines[machines[0].id]
+    def _only(self, content: Content, state: State, operation: Operation, scope: Scope) -> SimulatedMachine:
+        address = address_of(operation)
+        return content.machines[self.managed(state, address.partition, scope, address.machine).id]
 
     def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
         address = str(address_of(operation)).lower()
-        for name, fault in description(self._host).faults.items():
+        for name, fault in self._host.simulated.faults.items():
             spent = fault.times is not None and content.struck.get(name, 0) >= fault.times
             if fault.operation == call_name(operation) and fault.at.lower() in {"*", address} and not spent:
                 return name, fault

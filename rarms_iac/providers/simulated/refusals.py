@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model.capacity import Capacity, core_sharing, decide_packing
-from rarms_iac.model.commands import PLAN, Wording, prose
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.facets import LABELS, Facet
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -25,8 +25,10 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
     WriteTaskRecord,
 )
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, Bytes, LogicalProcessors, show_bytes, write_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, Bytes, LogicalProcessors, write_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RegistryValue, Rights, RunState, TaskRecord, ValueKind
+from rarms_iac.providers.journaled import PLAN_AGAIN
+from rarms_iac.providers.machines import cpu_out_of_range, lack_of_memory, lack_of_processors
 from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine
 
 LONGEST_NAME = 100
@@ -109,7 +111,7 @@ def refuse_task_change(registry: Registry, operation: TaskOperation) -> None:
             if problem := _impossible_key(task) or _impossible_values(wanted):
                 raise Refusal(f"{described}: {problem}", "Correct it.")
         case RemoveTaskClass() if values is None:
-            raise Refusal(f"there is no {described}", prose("Look at the host again: ", PLAN, "."))
+            raise Refusal(f"there is no {described}", PLAN_AGAIN)
         case WriteTaskRecord(record=TaskRecord(application=application)) | EraseTaskRecord(application=application):
             if record is not None and record.application != application:
                 raise Refusal(
@@ -141,7 +143,7 @@ def refuse_disk_removal(content: Content, operation: RemoveDisk) -> None:
     """Refuse to delete a disk that is not there or in use."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        raise Refusal(f"there is no disk {operation.path}", prose("Look at the host again: ", PLAN, "."))
+        raise Refusal(f"there is no disk {operation.path}", PLAN_AGAIN)
     if live["used"]:
         raise Refusal(f"{operation.path} is in use", "Remove what has it first.")
 
@@ -195,15 +197,9 @@ def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts)
 def _refuse_lack_of_memory(
     wanted: PartitionSettings, machine: SimulatedMachine, content: Content, facts: HostFacts
 ) -> None:
-    taken = sum(other.settings.memory for other in _others_with_resources(machine, content))
-    if taken + wanted.memory <= facts.memory:
-        return
-    free = max(0, facts.memory - taken)
-    raise Refusal(
-        f"{wanted.name} needs {show_bytes(wanted.memory, free)}, and of {show_bytes(facts.memory)} "
-        f"{show_bytes(free, wanted.memory)} are free",
-        "Stop another machine, or give it less memory.",
-    )
+    others = (other.settings for other in _others_with_resources(machine, content))
+    if problem := lack_of_memory(wanted, others, facts.memory):
+        raise Refusal(problem, "Stop another machine, or give it less memory.")
 
 
 def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> None:
@@ -211,12 +207,6 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
     settings = machine.settings
     if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
         return
-    if settings.processors > facts.logical_processors:
-        raise Refusal(
-            f"{settings.name} has {settings.processors} virtual processors with a reserve, "
-            f"and there are {facts.logical_processors} logical ones",
-            "Give it fewer processors, or no reserve.",
-        )
     sharing, processors = core_sharing(facts), facts.logical_processors
     capacity = Capacity(
         logical_processors=processors,
@@ -226,13 +216,10 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
     )
     running = (each.settings for each in (machine, *_others_with_resources(machine, content)))
     claims = [sharing.claim(each.processors, each.reserve, each.memory) for each in running]
-    if decide_packing(claims, capacity) is not False:  # where it is not known, the documented limit is only the sum
-        return
-    raise Refusal(
-        f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
-        f"does not fit {facts.logical_processors} logical processors beside what runs",
-        "Lower a reserve, or stop another machine.",
-    )
+    # Where it is not known, the documented limit is only the sum.
+    fits = settings.processors > processors or decide_packing(claims, capacity) is not False
+    if problem := lack_of_processors(settings, processors, fits=fits):
+        raise Refusal(problem, "Lower a reserve, or stop another machine.")
 
 
 def _others_with_resources(machine: SimulatedMachine, content: Content) -> list[SimulatedMachine]:
@@ -254,14 +241,6 @@ def out_of_range(settings: PartitionSettings) -> str:
     if settings.memory < LEAST_MEMORY or settings.memory % MEMORY_GRAIN:
         least = write_bytes(LEAST_MEMORY)
         return f"a machine has an even number of MiB, at least {least}, not {write_bytes(settings.memory)}"
-    return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
-
-
-def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
-    if not 0 <= reserve <= 100 or not 0 <= limit <= 100:
-        return f"reserve and limit are 0 to 100 %, not {reserve} % and {limit} %"
-    if reserve > limit:
-        return f"the reserve of {reserve} % is above the limit of {limit} %"
-    if not 1 <= weight <= 10_000:
-        return f"a weight is 1 to 10000, not {weight}"
-    return ""
+    if settings.reserve > settings.limit:
+        return f"the reserve of {settings.reserve} % is above the limit of {settings.limit} %"
+    return cpu_out_of_range(settings)

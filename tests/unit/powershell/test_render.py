@@ -23,7 +23,7 @@ from rarms_iac.powershell.templates import (
     shipped_module,
     template_text,
 )
-from rarms_iac.providers.marks import write_mark
+from rarms_iac.providers.machines import write_mark
 from tests import builders_plan as build
 from tests.builders import a_mark
 from tests.effort import examples

@@ -20,7 +20,7 @@ from rarms_iac.providers.cgroups.definitions import new_settings
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import UNHEARD, HostError, HostFailed
 from rarms_iac.providers.journaled import journal_in
-from rarms_iac.providers.marks import erase_mark, read_mark, with_marks, write_mark
+from rarms_iac.providers.machines import erase_mark, read_mark, with_marks, write_mark
 from rarms_iac.providers.robot import LINE_LIMIT, READY, OtherVersion, RobotByChannel, entry_command
 from rarms_iac.storage.codec import NotDecodable, encode
 from rarms_iac.storage.records import sealed_line

@@ -18,9 +18,8 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.state import ProcessorKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import read_facts
+from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at, orphans, read_facts
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
-from rarms_iac.providers.cgroups.processes import ThreadLooks, consumed_ms, looking_at, orphans
 from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.kernel_files import read_process

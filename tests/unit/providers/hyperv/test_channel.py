@@ -1,4 +1,4 @@
-"""A program that was started: its events; nothing of it lives on, and no other account looks into its folder."""
+"""A program that was started: its events, and nothing of it lives on."""
 
 import hashlib
 import json
@@ -14,19 +14,21 @@ import pytest
 from rarms_iac.model.host import Connect, Receiver
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import SSH_FAILED, Channel, CommandResult, ssh_words
-from rarms_iac.providers.hyperv.bootstrap import (
+from rarms_iac.providers.hyperv.provider import open_hyperv, read_event
+from rarms_iac.providers.hyperv.transport import (
     FAILED,
     FAILED_CODE,
     NO_MORE,
+    OURS_ONLY,
     READY,
     RemotePowerShell,
+    ScriptTransport,
     arguments_of,
     command,
+    protect,
     render_loader,
     render_receiver,
 )
-from rarms_iac.providers.hyperv.provider import open_hyperv, read_event
-from rarms_iac.providers.hyperv.transport import OURS_ONLY, RemoteTransport, protect
 from rarms_iac.providers.interface import (
     EventKind,
     EventStatus,
@@ -177,7 +179,7 @@ class Lines:
 
 
 def run(channel: Answering, listener: Lines) -> ScriptExited | ScriptLost:
-    return RemoteTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
+    return ScriptTransport("onboard", channel, THERE).run(SCRIPT, ("-AsJson",), 5.0, listener)
 
 
 def test_session_is_ssh_and_ends_its_input() -> None:
@@ -205,7 +207,7 @@ def test_a_way_that_breaks_loses_the_script() -> None:
 
 
 def test_nothing_is_talked_with() -> None:
-    session = RemoteTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
+    session = ScriptTransport("onboard", Answering(0, ""), THERE).session(SCRIPT, ())
 
     with pytest.raises(HostFailed, match="one command at a time"), session:
         pass

@@ -196,7 +196,7 @@ def test_named_values_are_taken_once_a_class(monkeypatch: pytest.MonkeyPatch) ->
 
     for _ in range(2):
         assert windows.instances("Msvm_VirtualEthernetSwitch") == [{"Name": "cell", "ElementName": "id"}]
-    assert windows.instances("Msvm_NumaNode")[0]["NodeID"] is None
+    assert windows.instances("Msvm_NumaNode")[0]["NumberOfLogicalProcessors"] is None
     assert windows.instances("Msvm_SettingsDefineState") == [ENDS]
     assert windows.disk("D:\\a.vhdx") == {"Type": "4", "ParentPath": "D:\\images\\base.vhdx"}
     assert asked.count("SELECT * FROM Msvm_VirtualEthernetSwitch") == 1

@@ -13,7 +13,7 @@ from rarms_iac.model.seen_host import PolicyScope
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.model.system import run_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of
-from rarms_iac.providers.hyperv.guest_samples import FORMAT, GuestRun
+from rarms_iac.providers.hyperv.guest_samples import GuestRun
 from rarms_iac.providers.hyperv.observation import HostObservation, Unread, is_observation, or_else
 from rarms_iac.providers.hyperv.parse import (
     UnusableJournal,
@@ -303,9 +303,9 @@ def changed(path: str, value: Any) -> bytes:
         ("computer", 7, "the document"),
         ("bitlocker", {"status": "value", "value": 1}, "bitlocker"),
         ("elevated", True, "elevated"),
-        ("elevated", {"status": "perhaps"}, "elevated.status"),
+        ("elevated", {"status": "perhaps", "error": "", "message": ""}, "elevated.status"),
         ("elevated", {"status": "value", "value": 1}, "elevated.value"),
-        ("elevated", {"status": "value"}, "elevated.status"),
+        ("elevated", {"status": "value"}, "elevated.error"),
         ("machines", {"status": "value", "value": {}}, "machines.value"),
         ("machines/value/0/reserve", "10", "machines.value[0].reserve"),
         ("machines/value/0/reserve", None, "machines.value[0].reserve"),
@@ -410,7 +410,7 @@ def test_exit_code_is_a_failure_without_success_rate(index: str, failure: str) -
         seed=0,
     )
     seen = iter(
-        json.dumps({"format": FORMAT, "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
+        json.dumps({"format": "rarms-seen/1", "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
         for text in ("started 10000", "ended 10000 50000 2")
     )
 
@@ -429,7 +429,7 @@ def test_guest_skips_and_refuses_lines_that_host_does() -> None:
         seed=0,
     )
     seen = iter(
-        json.dumps({"format": FORMAT, "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
+        json.dumps({"format": "rarms-seen/1", "setting": "1", "name": "vision", "seen": text, "at_ms": 9})
         for text in (
             "started 10000",
             "line 20000 loading",

@@ -1,4 +1,6 @@
-"""Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab`.
+"""Machines as providers keep them: settings and notes, and our mark in the notes.
+
+A mark is one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab`.
 
 A partition that rarms stopped has a word more: `stopped` or `measuring` (`StoppedBy`), then follows the name of
 its robot where the manifest has overlays, `robot=robot-7`, and one that the manifest protects ends with `protected`.
@@ -10,12 +12,16 @@ and no other machine carries a mark of the same partition; a machine whose mark 
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeVar
 
 from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.operation_effects import applied
+from rarms_iac.model.operations import EraseMark, MachineOperation, RestorePartition, WriteMark
+from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.renaming import BETWEEN
-from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, Partition, StoppedBy
+from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, Partition, PartitionSettings, StoppedBy
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)
@@ -26,6 +32,61 @@ _LINE = re.compile(
     rf"(?P<stopped_by>(?: (?:{_STOPPED}))?)(?: robot=(?P<robot>{_NAME}))?(?P<protected>(?: {PROTECTED})?)"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptMachine:
+    """A machine that its provider keeps in a file."""
+
+    id: str
+    settings: PartitionSettings
+    notes: str = ""
+
+
+K = TypeVar("K", bound=KeptMachine)
+
+
+def changed(machine: K, operation: MachineOperation) -> K:
+    """Return the machine after an operation on its settings or its mark."""
+    match operation:
+        case WriteMark():
+            return replace(machine, notes=write_mark(machine.notes, operation.mark(machine.id)))
+        case EraseMark():
+            return replace(machine, notes=erase_mark(machine.notes))
+        case _:
+            return replace(machine, settings=applied(machine.settings, operation))
+
+
+def notes_of(operation: RestorePartition) -> str:
+    """Return the notes of a machine that is made again, with its mark."""
+    return write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
+
+
+def cpu_out_of_range(settings: PartitionSettings) -> str:
+    """Describe the first setting of its processors that no machine can have; empty where all are possible."""
+    if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
+        return f"reserve and limit are 0 to 100 %, not {settings.reserve} % and {settings.limit} %"
+    if not 1 <= settings.weight <= 10_000:
+        return f"a weight is 1 to 10000, not {settings.weight}"
+    return ""
+
+
+def lack_of_memory(wanted: PartitionSettings, others: Iterable[PartitionSettings], memory: int) -> str:
+    """Describe the memory that a machine lacks beside others that have theirs, of so many bytes; empty: it has room."""
+    taken = sum(other.memory for other in others)
+    if taken + wanted.memory <= memory:
+        return ""
+    free = max(0, memory - taken)
+    needed, room = show_bytes(wanted.memory, free), show_bytes(free, wanted.memory)
+    return f"{wanted.name} needs {needed}, and of {show_bytes(memory)} {room} are free"
+
+
+def lack_of_processors(wanted: PartitionSettings, available: int, *, fits: bool) -> str:
+    """Describe why a reserve has no room on so many logical processors, where what runs leaves it none."""
+    if wanted.processors > available:
+        return f"{wanted.name} has {wanted.processors} processors with a reserve, and the host has {available}"
+    reserve = f"the reserve of {wanted.name}, {wanted.reserve} % of each of {wanted.processors} processors,"
+    return "" if fits else f"{reserve} does not fit {available} logical processors beside what runs"
 
 
 def write_mark(notes: str, mark: Mark) -> str:
