@@ -6,7 +6,6 @@ from typing import Any
 
 from rarms_iac.app.wiring import open_host
 from rarms_iac.model.host import Host
-from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.providers.interface import ExaminableHost, HostError, StepwiseHost
 from rarms_iac.providers.robot import Look, problem_of
 from rarms_iac.robot.caller import Caller
@@ -14,21 +13,12 @@ from rarms_iac.storage.codec import Json, encode
 
 
 def look(host: Host, _job: Json, _caller: Caller) -> Json:
-    """Look at the machine and the last run on it."""
+    """Look at the machine and the last run on it, for no application: the caller knows for which."""
     live = open_host(host, Path(), "")
     assert isinstance(live, StepwiseHost), "a Linux host of this machine is changed step by step"
-    holder = live.holder()
-    seen = Look(
-        observed=_tried(lambda: _observed(live, host)), last_run=_tried(live.journal), holder=holder or live.holder()
-    )
-    return encode(seen)
-
-
-def _observed(live: StepwiseHost, host: Host) -> SeenHost:
-    """Look for no application: the caller knows for which."""
-    if isinstance(live, ExaminableHost):
-        return live.examined("")
-    return SeenHost(host=host, application="", state=live.observe())
+    assert isinstance(live, ExaminableHost), "and can be examined"
+    holder, observed = live.holder(), _tried(lambda: live.examined(""))
+    return encode(Look(observed=observed, last_run=_tried(live.journal), holder=holder or live.holder()))
 
 
 def _tried(question: Callable[[], Any]) -> Any:
