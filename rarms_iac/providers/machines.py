@@ -21,7 +21,18 @@ from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import EraseMark, MachineOperation, RestorePartition, WriteMark
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.renaming import BETWEEN
-from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, Partition, PartitionSettings, StoppedBy
+from rarms_iac.model.state import (
+    ID_DIGITS,
+    NO_GENERATION,
+    PROTECTED,
+    Checkpoints,
+    Mark,
+    Partition,
+    PartitionSettings,
+    StartAction,
+    StopAction,
+    StoppedBy,
+)
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)
@@ -55,6 +66,24 @@ def changed(machine: K, operation: MachineOperation) -> K:
             return replace(machine, notes=erase_mark(machine.notes))
         case _:
             return replace(machine, settings=applied(machine.settings, operation))
+
+
+def new_settings(name: str, memory: int) -> PartitionSettings:
+    """Return the settings of a partition that is off and reserves nothing, without a choice of the host."""
+    return PartitionSettings(
+        name=name,
+        generation=NO_GENERATION,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=memory,
+        dynamic_memory=False,
+        start_action=StartAction.NOTHING,
+        stop_action=StopAction.SHUT_DOWN,
+        checkpoints=Checkpoints.DISABLED,
+        running=False,
+    )
 
 
 def notes_of(operation: RestorePartition) -> str:

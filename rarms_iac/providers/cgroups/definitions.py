@@ -1,21 +1,38 @@
-"""Definitions of partitions: a file of JSON each, one setting a line, replaced as a whole, in a folder of root.
+"""Definitions of partitions, and the values of their control groups that they stand for, and back.
 
-What a Linux host refuses is here, too: settings that no control group can have, and what it has no room for.
+A definition is a file of JSON, one setting a line, replaced as a whole, in a folder of root. What runs is what the
+kernel shows: a partition runs if its definition has the id of the machine's latest start (`boot`) and its control group
+exists; otherwise it is off. What a Linux host refuses or finds odd is here, too.
 """
 
 import json
+import math
 import uuid
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from rarms_iac.model.capacity import shared_processors
+from rarms_iac.model.commands import APPLY, START_AT_BOOT, prose
+from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.host import Host
 from rarms_iac.model.operations import CreatePartition, EraseMark, RenamePartition, RestorePartition, Set, WriteMark
-from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, State, StopAction
+from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RunState, State
+from rarms_iac.model.wording import counted
 from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
 from rarms_iac.providers.cgroups.machine import NAMESPACE
 from rarms_iac.providers.journaled import report_damage, report_failure
-from rarms_iac.providers.machines import KeptMachine, cpu_out_of_range, lack_of_memory, lack_of_processors, notes_of
+from rarms_iac.providers.machines import (
+    KeptMachine,
+    cpu_out_of_range,
+    lack_of_memory,
+    lack_of_processors,
+    new_settings,
+    notes_of,
+    with_marks,
+)
 from rarms_iac.running.kernel_files import MOST_PROCESSORS
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json
@@ -110,24 +127,6 @@ def restored_definition(operation: RestorePartition) -> GroupDefinition:
     return GroupDefinition(id=operation.machine, settings=operation.settings, notes=notes_of(operation))
 
 
-def new_settings(name: str, memory: int) -> PartitionSettings:
-    """Return the settings of a partition that is off and reserves nothing."""
-    return PartitionSettings(
-        name=name,
-        generation=NO_GENERATION,
-        processors=1,
-        reserve=0,
-        limit=100,
-        weight=100,
-        memory=memory,
-        dynamic_memory=False,
-        start_action=StartAction.NOTHING,
-        stop_action=StopAction.SHUT_DOWN,
-        checkpoints=Checkpoints.DISABLED,
-        running=False,
-    )
-
-
 def _ids(seed: str) -> Iterator[str]:
     number = uuid.uuid5(NAMESPACE, seed)
     while True:
@@ -194,3 +193,174 @@ class DefinitionFiles:
 
     def _file(self, definition: GroupDefinition) -> Path:
         return self._folder / f"{definition.id}.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunningGroup:
+    """A control group in the kernel: its values, and those that the kernel would show if it were as defined."""
+
+    actual: GroupValues
+    wanted: GroupValues | None = None  # None: no definition names this group
+
+
+def foreign_definition(name: str, group: RunningGroup, facts: HostFacts, boot: str) -> GroupDefinition:
+    """Return a group that no definition names as a partition, under an id that is always the same."""
+    number = str(uuid.uuid5(NAMESPACE, f"{facts.id}/group/{name}"))
+    settings = observed_settings(new_settings(name, 0), replace(group, wanted=None), facts.logical_processors)
+    return GroupDefinition(id=number, settings=settings, group=name, boot=boot)
+
+
+def slice_limit(host: Host, processors: int) -> int | None:
+    """Return what all partitions together get at most: all but `keep_for_host`, in whole per cent of one processor.
+
+    Returns:
+        At least 1; None: nothing is kept, so nothing limits them.
+    """
+    shared = shared_processors(host, processors)
+    return None if shared == processors else int(100 * shared)
+
+
+def values_of(settings: PartitionSettings, processors: int, limit: int | None = None) -> GroupValues:
+    """Return the values of a partition's control group.
+
+    Args:
+        limit: as `slice_limit` gives it: no quota is larger.
+    """
+    is_limited = settings.limit < 100 or settings.processors < processors
+    quota = min(settings.limit * settings.processors, limit or 100 * processors)
+    return GroupValues(
+        shares_percent=settings.reserve * settings.processors,
+        quota_percent=quota if is_limited else None,
+        period_us=settings.quota_period_us or USUAL_PERIOD_US,
+        memory=settings.memory or None,
+    )
+
+
+def to_partitions(
+    definitions: Iterable[GroupDefinition], running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> tuple[Partition, ...]:
+    """Return the partitions, sorted by name and then id, with their valid marks.
+
+    Args:
+        definitions: of all partitions, those of unmanaged groups included.
+        running: by name of the group: those that are in the kernel.
+        boot: the machine's latest start.
+        processors: logical processors of the machine.
+    """
+    return with_marks(
+        (_partition(definition, running, boot, processors), definition.notes) for definition in definitions
+    )
+
+
+def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) -> bool:
+    """Return whether the partition's control group exists and was made completely since the machine's start."""
+    return bool(definition.boot) and definition.boot == boot and definition.group in groups
+
+
+def _partition(
+    definition: GroupDefinition, running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> Partition:
+    settings = definition.settings
+    if not is_running(definition, running, boot):
+        return Partition(settings=settings, id=definition.id)
+    # NOTE: while values are being written, the old settings count; the next run that holds the host restores them.
+    if not definition.changing:
+        settings = observed_settings(settings, running[definition.group], processors)
+    return Partition(settings=replace(settings, running=True), id=definition.id, state=RunState.RUNNING)
+
+
+def observed_settings(settings: PartitionSettings, group: RunningGroup, processors: int) -> PartitionSettings:
+    """Return the settings that the kernel's values show; where a value is as defined, so is its setting.
+
+    Args:
+        settings: as defined; of an unmanaged group anything.
+    """
+    actual, wanted = group.actual, group.wanted
+    if actual == wanted:
+        return settings
+    count = _processors(settings, group, processors)
+    reserve, limit = settings.reserve, settings.limit
+    if wanted is None or count != settings.processors or actual.shares_percent != wanted.shares_percent:
+        reserve = _percent(actual.shares_percent / count, reserve)
+    if wanted is None or count != settings.processors or actual.quota_percent != wanted.quota_percent:
+        least = min(1, limit - 1)  # what a partition may be given, too; 0 only to be no less than a change from 1
+        limit = 100 if actual.quota_percent is None else max(least, _percent(actual.quota_percent / count, limit))
+    return replace(
+        settings,
+        processors=count,
+        reserve=reserve,
+        limit=limit,
+        quota_period_us=_period(settings, group),
+        memory=settings.memory if wanted is not None and actual.memory == wanted.memory else actual.memory or 0,
+    )
+
+
+def _processors(settings: PartitionSettings, group: RunningGroup, processors: int) -> int:
+    """Return how many of the machine's processors a group can use at the same time, by its cpuset and its quota."""
+    actual, wanted = group.actual, group.wanted
+    of_set = processors if actual.processors is None else len(actual.processors)
+    is_limited = actual.quota_percent is not None
+    if wanted is not None and is_limited == (wanted.quota_percent is not None):
+        return min(settings.processors, of_set)
+    if wanted is None and actual.quota_percent is not None:
+        return min(of_set, max(1, math.ceil(actual.quota_percent / 100)))
+    return of_set
+
+
+def _period(settings: PartitionSettings, group: RunningGroup) -> int:
+    actual, wanted = group.actual, group.wanted
+    if actual.quota_percent is None:
+        return 0
+    as_wanted = wanted is not None and wanted.quota_percent is not None and wanted.period_us == actual.period_us
+    return settings.quota_period_us if as_wanted else actual.period_us
+
+
+def _percent(actual: float, defined: int) -> int:
+    """Return whole per cent, rounded away from the defined ones, so that rounding hides no change."""
+    whole = math.floor(actual) if actual < defined else math.ceil(actual)
+    return min(max(whole, 0), 100)
+
+
+ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
+OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")
+NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
+
+
+def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Iterator[Diagnostic]:
+    """Find processes, by id and name, that run in a partition and end with no component."""
+    if processes:
+        names = ", ".join(f"{process} ({name})" for process, name in processes)
+        yield ORPHANS.at(
+            None,
+            "In {partition} run processes that no rarms started or ends: {_names}.",
+            "End them, where a component left them behind: they use the partition's processor time.",
+            address=f"partition/{partition}",
+            partition=partition,
+            processes=tuple(str(process) for process, _ in processes),
+            _names=names,
+        )
+
+
+def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnostic]:
+    """Find partitions that are off, and that no run stopped."""
+    if partitions:
+        line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
+        yield OFF_WITHOUT_STOP.of_host(
+            host.name,
+            "{_counted} of {host} ran until the machine stopped, or until the control group was removed: "
+            "{partitions:all}.",
+            prose(APPLY, " starts what is off. ", START_AT_BOOT, line),
+            partitions=tuple(partitions),
+            _counted=counted(len(partitions), "partition"),
+        )
+
+
+def nothing_withheld(host: Host, processors: int) -> Iterator[Diagnostic]:
+    """Find that partitions may use all of the machine's logical processors (`processors`)."""
+    if slice_limit(host, processors) is None:
+        yield NOTHING_WITHHELD.of_host(
+            host.name,
+            "{host} keeps no processor time for what runs outside its partitions. While they use all of "
+            "it, ssh, rarms and the kernel's own threads get about 1 % of a processor each.",
+            "Write `keep_for_host: { processor: 5 % }`: partitions never get that part.",
+        )

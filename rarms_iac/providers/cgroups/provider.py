@@ -10,7 +10,6 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import DOCTOR, Wording, prose
 from rarms_iac.model.facets import FACETS, Facet, Readings
 from rarms_iac.model.host import Host
-from rarms_iac.model.journal import Journal
 from rarms_iac.model.operations import (
     CreatePartition,
     Operation,
@@ -29,25 +28,23 @@ from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.cgroups.definitions import (
     DefinitionFiles,
     GroupDefinition,
-    SettingOperation,
-    lack_of_room,
-    new_definition,
-    others_running,
-    out_of_range,
-    restored_definition,
-)
-from rarms_iac.providers.cgroups.effects import LinuxEffects
-from rarms_iac.providers.cgroups.group_settings import (
     RunningGroup,
+    SettingOperation,
     foreign_definition,
     is_running,
+    lack_of_room,
+    new_definition,
     nothing_withheld,
     off_without_stop,
     orphan_findings,
+    others_running,
+    out_of_range,
+    restored_definition,
     slice_limit,
     to_partitions,
     values_of,
 )
+from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import orphans, read_boot, read_facts
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree

@@ -37,7 +37,7 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.providers.machines import KeptMachine, changed, notes_of, with_marks
+from rarms_iac.providers.machines import KeptMachine, changed, new_settings, notes_of, with_marks
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.records import Record, records_in, sealed_line
 
@@ -239,21 +239,14 @@ def address_of(operation: operations.Operation) -> Address:
             return Address(partition=operation.partition, machine=operation.machine)
 
 
-def new_settings(operation: operations.CreatePartition, scope: Scope) -> PartitionSettings:
+def made_settings(operation: operations.CreatePartition, scope: Scope) -> PartitionSettings:
     """Return a new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
-    return PartitionSettings(
-        name=scope.pending(operation.partition),
+    return replace(
+        new_settings(scope.pending(operation.partition), operation.memory),
         generation=operation.generation,
-        processors=1,
-        reserve=0,
-        limit=100,
-        weight=100,
-        memory=operation.memory,
-        dynamic_memory=False,
         start_action=StartAction.START_IF_RUNNING,
         stop_action=StopAction.SAVE,
         checkpoints=Checkpoints.PRODUCTION,
-        running=False,
         secure_boot=(operation.secure_boot or "MicrosoftWindows") if operation.generation == 2 else "",
     )
 

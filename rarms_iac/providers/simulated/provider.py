@@ -29,7 +29,7 @@ from rarms_iac.providers.simulated.content import (
     change_machine,
     change_registry,
     empty,
-    new_settings,
+    made_settings,
     next_id,
     read_content,
     to_state,
@@ -170,7 +170,7 @@ class SimulatedHostProvider(JournaledHost):
 
     def _after_creation(self, content: Content, state: State, operation: CreatePartition, scope: Scope) -> Content:
         self.refuse_repeated(state, operation, scope)
-        settings = new_settings(operation, scope)
+        settings = made_settings(operation, scope)
         refuse_creation(operation, settings)
         after = with_new_machine(content, settings)
         if not operation.image:

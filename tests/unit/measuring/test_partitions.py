@@ -24,7 +24,7 @@ from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.state import RunState, State
-from rarms_iac.providers.cgroups.group_settings import slice_limit
+from rarms_iac.providers.cgroups.definitions import slice_limit
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from tests.builders import a_host, memory

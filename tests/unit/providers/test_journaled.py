@@ -16,11 +16,10 @@ from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.version import __version__
-from rarms_iac.providers.cgroups.definitions import new_settings
 from rarms_iac.providers.channel import ProgramChannel
 from rarms_iac.providers.interface import UNHEARD, HostError, HostFailed
 from rarms_iac.providers.journaled import journal_in
-from rarms_iac.providers.machines import erase_mark, read_mark, with_marks, write_mark
+from rarms_iac.providers.machines import erase_mark, new_settings, read_mark, with_marks, write_mark
 from rarms_iac.providers.robot import LINE_LIMIT, READY, OtherVersion, RobotByChannel, entry_command
 from rarms_iac.storage.codec import NotDecodable, encode
 from rarms_iac.storage.records import sealed_line
