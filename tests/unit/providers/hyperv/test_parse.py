@@ -201,7 +201,7 @@ def test_largest_node_counts_without_spanning() -> None:
     read = recorded("server-2022-with-strangers").hypervisor
     assert not isinstance(read, Unread)
     facts = {name: getattr(read, name) for name in read.__dataclass_fields__} | {"numa_spanning": False}
-    nodes = [{"node": number, "memory_available": 1, "memory": 16000 + number} for number in range(2)]
+    nodes = [{"memory_available": 1, "memory": 16000 + number} for number in range(2)]
     of_wmi = [{**node, "memory": 0} for node in nodes]
 
     left = to_state(recorded("server-2022-with-strangers", numa=nodes), "cell")
