@@ -1,6 +1,7 @@
 """How many settings measuring will take, and how long: from the settings that may be asked for and how each ends.
 
-Begin at `forecast`. Its times are of the host's own clock: a simulated host does not make its user wait for them.
+Begin at `forecast`; `forecast_line` writes the line of a proof, too. Times are of the host's own clock: a simulated
+host does not make its user wait for them.
 `WallTimes` has what settings took on this machine; it is kept in memory alone.
 """
 
@@ -84,7 +85,6 @@ def least_ms(experiment: Experiment, load: Interference, window_ms: float, earli
 
 def forecast(
     experiment: Experiment,
-    method: Method,
     count: SettingCount,
     earlier: Sequence[Setting],
     seconds: Sequence[float],
@@ -97,38 +97,36 @@ def forecast(
     """
     is_simulated = experiment.host.provider is ProviderKind.SIMULATED
     spent = [_spent_again_ms(experiment, setting, count) for setting in earlier if setting.spent_ms is not None]
-    if seconds and (is_simulated or not spent):
-        took = f"as {counted(len(seconds), 'setting')} of this command took"
-        takes = f"{_describe_range(1000 * count.least * min(seconds), 1000 * count.most * max(seconds))}, {took}"
-    elif spent and not is_simulated:
-        times = _describe_range(count.least * min(spent), count.most * max(spent))
-        takes = f"{times}, as {counted(len(spent), 'setting')} took before"
-    elif is_simulated or not (least := count.least * _shortest_ms(experiment, count, earlier, window_ms)):
-        takes = "how long they take here is not known yet"
-    elif count.goes_on:
-        until = [run_of(member).until for member in experiment.members]
-        timed = [float(each.time) for each in until if isinstance(each, Elapsed)]
-        takes = _describe_range(least, count.most * max(experiment.budget.most_ms, least, *timed))
-    else:
-        takes = f"at least {show_duration(least)}"
-    if later := len(experiment.loads) - 1 - experiment.loads.index(experiment.load):
-        takes = f"{takes}; then at most as many, and as long, beside {'each of ' if later > 1 else ''}"
-        takes = f"{takes}{counted(later, 'more load')}"
-    needs = [
-        f"{member.name} needs {counted(samples, 'sample')} a setting"
-        for member in experiment.members
-        if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
-    ]
+    times = [1000 * each for each in seconds] if is_simulated or not spent else spent
+    least, most = 0.0, inf
+    if times:
+        least, most = count.least * min(times), count.most * max(times)
+    elif not is_simulated:
+        least = count.least * _shortest_ms(experiment, count, earlier, window_ms)
+        timed = [float(until.time) for each in experiment.members if isinstance(until := run_of(each).until, Elapsed)]
+        if least and count.goes_on:
+            most = count.most * max(experiment.budget.most_ms, least, *timed)
     settings = counted(count.most, "setting")
     if count.least != count.most:
         settings = f"{count.least} to {settings}"
-    subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
-    return f"{subject}{' (simulated)' if is_simulated else ''}: {'; '.join((f'{settings}, {takes}', *needs))}."
+    later = len(experiment.loads) - 1 - experiment.loads.index(experiment.load)
+    subject = f"{experiment.name} with {experiment.setup.interference} on {experiment.host.name}"
+    line = forecast_line(f"{subject}{' (simulated)' if is_simulated else ''}", settings, least, most)
+    return f"{line}; then {counted(later, 'more load')}." if later else f"{line}."
 
 
-def _describe_range(least_ms: float, most_ms: float) -> str:
+def forecast_line(subject: str, work: str, least_ms: float, most_ms: float) -> str:
+    """Return what is about to run, and how long it takes its user; without a full stop.
+
+    Args:
+        least_ms: 0: nothing tells.
+        most_ms: `inf`: nothing bounds it.
+    """
+    if most_ms == inf:
+        time_needed = f", at least {show_duration(least_ms)}" if least_ms else ""
+        return f"{subject}: {work}{time_needed}"
     least, most = show_duration(least_ms), show_duration(most_ms)
-    return f"{least} to about {most}" if least_ms > 0 and least != most else f"about {most}"
+    return f"{subject}: {work}, {f'{least} to about {most}' if least_ms and least != most else f'about {most}'}"
 
 
 def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[Setting], window_ms: float) -> float:

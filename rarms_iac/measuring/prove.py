@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
@@ -13,6 +13,7 @@ from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, 
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
+from rarms_iac.measuring.duration import forecast_line
 from rarms_iac.measuring.findings import OCCUPIED, UNABLE, proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
@@ -36,9 +37,8 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
@@ -219,32 +219,23 @@ def _announce(
 ) -> None:
     """Say what a proof takes of a host, before it begins."""
     loads = [each.interference for each in conditions if each.interference]
-    with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
-    if session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED:  # its clock is not the user's
-        starts = counted(STARTS * len(conditions), "time")
-        session.control.reporter.message(
-            f"The proof starts all components at least {starts} {with_load} (simulated): "
-            f"{_describe_wall_time(session.hosts, name, layout, [each.interference for each in conditions])}."
-        )
-        return
-    window_ms = session.held_hosts[name].scheduler_memory_ms
-    least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
-    most = max(least, float(session.hosts.system.policy.measuring.proof))
-    takes = show_duration(least) if most == least else f"{show_duration(least)} to {show_duration(most)}"
-    session.control.reporter.message(f"The proof takes {takes} {with_load}.")
+    with_load = f"with {in_a_row(loads)}, using all idle time" if loads else "without load"
+    least = most = _last_proof_ms(session.hosts, name, layout, [each.interference for each in conditions])
+    simulated = " (simulated)"
+    if session.hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:  # else its clock is not the user's
+        window_ms, simulated = session.held_hosts[name].scheduler_memory_ms, ""
+        least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
+        most = max(least, float(session.hosts.system.policy.measuring.proof))
+    starts = f"at least {counted(STARTS * len(conditions), 'start')} of all components"
+    line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most or inf)
+    session.control.reporter.message(f"{line}.")
 
 
-def _describe_wall_time(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> str:
-    """Say how long a proof on a simulated host takes its user, as the last one of each load did."""
+def _last_proof_ms(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> float:
+    """Return how long the last proof of each load took its user; 0: one of them was not proven yet."""
     proofs = (entry for entry in _recorded(hosts, host, layout) if isinstance(entry, Proven))
     took = {proof.interference: proof.wall_seconds for proof in proofs if proof.host == host}
-    if not all(took.get(load) for load in loads):
-        return "how long that takes here is not known yet"
-    last = f"about {show_duration(1000 * sum(took[load] for load in loads))}, as the last proof took"
-    components = hosts.system.components
-    if any(run_of(each).until != run_of(components[each.name]).until for each in layout.judged):
-        return f"{last}, or longer if that took fewer samples"
-    return last
+    return 1000 * sum(took[load] for load in loads) if all(took.get(load) for load in loads) else 0.0
 
 
 def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ...]:

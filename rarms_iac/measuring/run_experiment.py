@@ -195,7 +195,7 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
     if run.says_duration and run.count is not None:
         host = session.host_of(experiment)
         earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
-        line = forecast(experiment, run.method, run.count, earlier, seconds, host.scheduler_memory_ms)
+        line = forecast(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
         session.control.reporter.message(line)
     return Site(
         host=session.host_of(experiment),
