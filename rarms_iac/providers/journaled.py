@@ -72,7 +72,7 @@ class JournaledHost:
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """Also removes what killed writers left behind."""
+        """Hold the host, and remove what killed writers left."""
         self._refuse_files_of_others()
         with ExitStack() as held:
             with report_failure(self.name, self._lock_path):
@@ -212,7 +212,7 @@ def _check(run: Journal) -> None:
 
 
 def _serials_in(data: bytes | None, path: Path) -> Mapping[str, int]:
-    """How many applies and undos there were, by application: the first record's word, without reading the run.
+    """Return how many applies and undos there were, by application: the first record has it.
 
     Raises:
         Damaged: that record is damaged.

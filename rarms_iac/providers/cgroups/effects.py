@@ -65,7 +65,7 @@ class LinuxEffects(LocalFiles):
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
-        """By the system's lock, which ends with this process."""
+        """Hold the host by the system's lock, which ends with this process."""
         with _for_root_alone():
             disk.make_folders(lock.parent)
             os.close(disk.open_to_write(lock, os.O_CREAT))

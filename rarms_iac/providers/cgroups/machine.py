@@ -201,7 +201,7 @@ class ThreadLooks:
             before = now
 
     def end(self) -> None:
-        """Look no more."""
+        """Stop looking."""
         self._ended.set()
 
 
@@ -223,7 +223,7 @@ def looking_at(tree: GroupTree, group: str) -> Iterator[ThreadLooks]:
 
 
 def _runnable(process: int) -> int:
-    """How many threads of a process run or wait for a processor; none where it has ended."""
+    """Return how many threads of a process run or wait for a processor; 0 if it has ended."""
     try:
         return sum(_is_runnable(thread) for thread in (PROC / str(process) / "task").iterdir())
     except OSError:
@@ -231,6 +231,6 @@ def _runnable(process: int) -> int:
 
 
 def _is_runnable(thread: Path) -> bool:
-    """NOTE: the state follows the name, which may hold anything, also a bracket."""
+    """Read the state, which follows the name: a name may hold anything, also a bracket."""
     words = kernel_text(thread / "stat").rpartition(")")[2].split()
     return words[:1] == ["R"]

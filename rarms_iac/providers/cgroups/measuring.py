@@ -108,7 +108,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         return None
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """Task classes are not written to this host: their values go with each process."""
+        """Do an operation; task classes are not written to this host, as their values go with each process."""
         if not isinstance(operation, WriteTaskClass):
             super().execute(operation, scope)
 
@@ -330,7 +330,7 @@ class RealWork:
             looks.forget()
 
     def restart_load(self) -> bool:
-        """Its processes are stopped for a short random while: the kernel then knows nothing of how they ran before."""
+        """Stop its processes for a short random time: the kernel then knows nothing of how they ran before."""
         parts = [part for part in self.work.partitions if part.load is not None and is_steady(part.load)]
         groups = [self.groups[part.partition] for part in parts if part.partition]
         with self.host.reported():
@@ -348,7 +348,7 @@ class RealWork:
         return 1000 * (time.perf_counter() - self.started)
 
     def cpu_ms(self, component: str) -> float | None:
-        """Of the group where the component is alone in it, else of its processes, in clock ticks."""
+        """Return the time of the group if the component is alone in it, else of its processes, in clock ticks."""
         with self.host.reported():
             if component in self._group_alone:
                 group, before = self._group_alone[component]
@@ -357,7 +357,7 @@ class RealWork:
             return None if process is None else consumed_ms(process)
 
     def used_processors(self, partition: str) -> int | None:
-        """By looks at the group's threads."""
+        """Count by looks at the group's threads."""
         members = [
             member.name for part in self.work.partitions if part.partition == partition for member in part.components
         ]

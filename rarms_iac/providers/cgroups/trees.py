@@ -150,7 +150,7 @@ class GroupTreeV2(GroupTree):
         self._effects.write(folder / "cpu.weight", str(MOST_WEIGHT_V2))
 
     def _prepare_group(self, name: str) -> None:
-        """Nothing: in version 2 a group without processors of its own has those of the slice."""
+        """Do nothing: in version 2 a group without processors of its own has those of the slice."""
 
 
 def _shares(values: GroupValues) -> int:
@@ -233,7 +233,7 @@ class GroupTreeSystemd(GroupTreeV2):
         self._await_quota(name, values.quota_percent, values.period_us)
 
     def _quota_us(self, percent: float, period_us: int) -> int:
-        """Systemd rounds down."""
+        """Round down, as systemd does."""
         return int(percent * period_us) // 100
 
     def remove(self, name: str) -> None:
@@ -244,7 +244,7 @@ class GroupTreeSystemd(GroupTreeV2):
             self._forget(self._slice)
 
     def place(self, name: str) -> ProcessPlace:
-        """Return a slice holds no process itself, so systemd makes a scope for each."""
+        """Return words that have systemd make a scope for each process: a slice holds none itself."""
         words = ("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--")
         return replace(self._counted(name), words=words)
 

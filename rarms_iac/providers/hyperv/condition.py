@@ -22,7 +22,7 @@ NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
 
 
 def condition_of(observation: HostObservation) -> Condition:
-    """How the host is, as far as it could be looked at."""
+    """Return how the host is, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
     visible, counters = observation.host_visible, observation.counters

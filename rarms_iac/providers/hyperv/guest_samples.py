@@ -77,19 +77,19 @@ class GuestRun:
         self._counters[-1].ticks[counter_set] = ticks
 
     def count_from_now(self) -> None:
-        """From the newest counters on."""
+        """Count from the newest counters on."""
         self._remaining = RemainingSamples(self.work, self._now)
         del self._counters[1:-1]
 
     def restart_load(self) -> bool:
-        """Return the load goes on: a guest's runner starts it once."""
+        """Return False: a guest's runner starts the load once, and it goes on."""
         return False
 
     def elapsed_ms(self) -> float:
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:
-        """Of the component's machine, where it is alone there, drawn on from the last two counters."""
+        """Return the time of the component's machine if it is alone there, drawn on from the last two counters."""
         alone = [
             _machine_set(part.partition)
             for part in self.work.partitions
@@ -105,7 +105,7 @@ class GuestRun:
         return last[1] - first[1] + rate * (self._now - last[0])
 
     def used_processors(self, partition: str) -> None:  # noqa: ARG002 - the protocol's
-        """None: threads are not counted here yet."""
+        """Return None: threads are not counted here yet."""
         return
 
     def evidence(self) -> SettingEvidence | None:

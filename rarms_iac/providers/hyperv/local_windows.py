@@ -81,7 +81,7 @@ class ThisWindows:
         return [{known: _raw_value(each, known) for known in QUERIES[name]} for each in found]
 
     def disk(self, path: str) -> WmiInstance:
-        """Return what the service returns is an instance as XML."""
+        """Read the service's answer, which is an instance as XML."""
 
         def ask(connection: Any) -> str:
             (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
@@ -118,7 +118,7 @@ class ThisWindows:
             raise _not_read(problem, path) from problem
 
     def is_elevated(self) -> bool:
-        """Of a token that User Account Control filtered, the group only denies."""
+        """Ask the token: in one that User Account Control filtered, the group only denies."""
         administrators = win32security.CreateWellKnownSid(win32security.WinBuiltinAdministratorsSid, None)
         return bool(win32security.CheckTokenMembership(None, administrators))
 
@@ -166,14 +166,14 @@ class ThisWindows:
         return False
 
     def modules(self) -> list[str]:
-        """Those that come with Windows."""
+        """Return those that come with Windows."""
         system = Path(os.environ.get("SYSTEMROOT", r"C:\Windows")) / "System32"
         found = (system / "WindowsPowerShell" / "v1.0" / "Modules" / "Hyper-V").glob("*/Hyper-V.psd1")
         return sorted((manifest.parent.name for manifest in found), reverse=True)
 
 
 def own_folder() -> Path:
-    """Where scripts keep what they know of this computer."""
+    """Return the folder in which scripts keep what they know of this computer."""
     return Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "rarms"
 
 
@@ -201,7 +201,7 @@ def credential_files(names: Iterable[str]) -> Iterator[None]:
 
 
 def _stored_credential(name: str) -> tuple[str, bytes] | None:
-    """User and password, the latter as Windows keeps it: UTF-16."""
+    """Return user and password, the latter as Windows keeps it: UTF-16."""
     try:
         found = win32cred.CredRead(name, win32cred.CRED_TYPE_GENERIC)
     except pywintypes.error as problem:
@@ -212,7 +212,7 @@ def _stored_credential(name: str) -> tuple[str, bytes] | None:
 
 
 def _write_credential(path: Path, user: str, password: bytes) -> None:
-    """As ConvertFrom-SecureString has it: hexadecimal of what only this account on this computer can decrypt."""
+    """Write it as ConvertFrom-SecureString does: hexadecimal of what only this account on this computer can decrypt."""
     for folder in (own_folder(), path.parent):
         if not folder.exists():
             folder.mkdir()
@@ -241,13 +241,13 @@ def _raw_value(instance: Any, name: str) -> Any:
 
 
 def _code_of(error: Any) -> int:
-    """WMI's own code: within what scripts are told, or the error itself where no connection was made."""
+    """Return WMI's own code: within what scripts are told, or the error itself if no connection was made."""
     inner = (getattr(error, "excepinfo", None) or (0,))[-1]
     return int(inner or getattr(error, "hresult", 0) or 0) % 2**32
 
 
 def _value(name: str, data: Any, kind: int) -> tuple[str, str, int | str]:
-    """As PowerShell reads it: numbers without sign, everything else as text."""
+    """Return a value as PowerShell reads it: numbers without sign, everything else as text."""
     match data:
         case int() if kind in (winreg.REG_DWORD, winreg.REG_QWORD):
             return name, KINDS[kind], data

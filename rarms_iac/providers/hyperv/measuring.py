@@ -99,7 +99,7 @@ class HypervMeasuringHost(LiveHypervHost):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:  # noqa: ARG002 - a script names its own
-        """Yield the script that measures holds the host, for as long as there are test partitions."""
+        """Note how long to wait: the script that measures holds the host while there are test partitions."""
         self._waits = WaitLimits(lock_ms=timeout_ms)
         yield
 

@@ -293,7 +293,7 @@ def observation_of(document: Json) -> HostObservation:
 
 
 def _encoding(data: bytes) -> str:
-    """`>` of Windows PowerShell writes UTF-16 with a mark, 7 writes UTF-8 without; editors add marks to both."""
+    """Return the encoding: `>` of Windows PowerShell writes UTF-16 with a mark, 7 UTF-8 without; editors add marks."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if data[:2] in (b"{\0", b"\0{"):
@@ -302,7 +302,7 @@ def _encoding(data: bytes) -> str:
 
 
 def _probes() -> dict[str, Any]:
-    """Of each probe the type of its value."""
+    """Return the type of each probe's value."""
     hints = get_type_hints(HostObservation)
     return {name: get_args(hint)[0] for name, hint in hints.items() if name != "computer"}
 

@@ -167,7 +167,7 @@ def facts_of(observation: HostObservation, name: str) -> HostFacts:
 
 
 def _kinds_of(sockets: Sequence[Socket], hypervisor: HypervisorFacts | None) -> tuple[ProcessorKind, ...]:
-    """Cores with one thread and with two: Windows shows sums only, and under minroot not those of the whole host."""
+    """Return cores with one thread and with two: Windows shows sums, and under minroot not those of the whole host."""
     if hypervisor is None or sum(socket.logical for socket in sockets) != hypervisor.logical_processors:
         return ()
     doubles = sum(max(0, socket.logical - socket.cores) for socket in sockets)
@@ -247,7 +247,7 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
 
 
 def _tied(partition: Partition) -> Partition:
-    """Return whether the machine is a replica: it has its primary's mark, and none of its own."""
+    """Return a replica without its mark, which is its primary's."""
     if Tie.REPLICA not in partition.ties or partition.mark is None:
         return partition
     return replace(partition, mark=None, foreign_mark=REPLICA_MARK)
@@ -310,7 +310,7 @@ def tasks_of(observation: HostObservation) -> tuple[TaskClass, ...]:
 
 
 def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
-    """SystemResponsiveness of that operating system with its record; None where the caller may not read it."""
+    """Return SystemResponsiveness of that system with its record; None if the caller may not read it."""
     if is_denied(observation.profile) or is_denied(observation.records):
         return None
     values = {name.lower(): value for name, value in values_of(or_else(observation.profile, ())).items()}
@@ -353,13 +353,13 @@ def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
 
 
 def serials_of(observation: HostObservation) -> Mapping[str, int]:
-    """How many applies and undos there were, by application; none where the journal is not to be believed."""
+    """Return how many applies and undos there were, by application; none if the journal is not to be believed."""
     run = last_run_of(observation)
     return dict(sorted(run.started.serials.items())) if isinstance(run, ScriptRun) else {}
 
 
 def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
-    """Registry values with their types; known names in their usual spelling, as the registry tells no case apart."""
+    """Return registry values with their types; known names in their usual spelling: the registry ignores case."""
     return {
         _SPELT.get(named_value.name.lower(), named_value.name): RegistryValue(
             kind=_KINDS.get(named_value.kind.lower(), ValueKind.OTHER), data=named_value.data
@@ -413,7 +413,7 @@ def _named(kind: type[E], name: str, machine: ObservedMachine, field: str) -> E:
 
 
 def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
-    """By class in lower case: its name, and the record that counts. A record without a digest was never finished."""
+    """Return, by class in lower case, its name and the record that counts; one without a digest was never finished."""
     found: dict[str, tuple[str, TaskRecord]] = {}
     for key in keys:
         values = {named_value.name.lower(): str(named_value.data) for named_value in key.values}

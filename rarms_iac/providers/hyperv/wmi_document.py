@@ -111,10 +111,7 @@ class WmiSource(Protocol):
 
 
 def read_host_visible(source: WmiSource) -> Json:
-    """Return a caller without rights sees no machines and no error.
-
-    The host itself is an instance that is always there.
-    """
+    """Return whether the host itself is seen: a caller without rights sees no machines and gets no error."""
     computer = source.computer().lower()
     return any(_str(each, "Name").lower() == computer for each in source.instances("Msvm_ComputerSystem"))
 
@@ -128,7 +125,7 @@ def read_hypervisor_running(source: WmiSource) -> Json:
 
 
 def read_hypervisor(source: WmiSource) -> Json:
-    """Processors are those of all NUMA nodes: under minroot this Windows sees fewer (windows.md 2)."""
+    """Return the host with the processors of all NUMA nodes: under minroot this Windows sees fewer (windows.md 2)."""
     services = source.instances("Msvm_VirtualSystemManagementServiceSettingData")
     nodes = source.instances("Msvm_NumaNode")
     systems = source.instances("Win32_ComputerSystem")
@@ -168,7 +165,7 @@ def read_numa_nodes(source: WmiSource) -> Json:
 
 
 def _settings(source: WmiSource) -> Iterator[tuple[WmiInstance, WmiInstance]]:
-    """Each machine with its current settings: not those of its checkpoints, and not the host itself."""
+    """Yield each machine with its current settings: not those of its checkpoints, and not the host itself."""
     systems = {_str(system, "Name"): system for system in source.instances("Msvm_ComputerSystem")}
     settings = {_str(each, "InstanceID"): each for each in source.instances(SETTINGS)}
     for link in source.instances("Msvm_SettingsDefineState"):
@@ -188,7 +185,7 @@ def _parts(source: WmiSource, setting: WmiInstance, *classes: str) -> list[WmiIn
 
 
 def read_machines(source: WmiSource, unread: list[Json]) -> Iterator[Json]:
-    """Each machine; one whose settings cannot be read goes to `unread`, and hides none of the others."""
+    """Yield each machine; one whose settings cannot be read goes to `unread`, and hides none of the others."""
     clustered = _clustered(source)
     for system, setting in _settings(source):
         machine = {"id": _str(system, "Name").lower(), "name": _str(system, "ElementName")}
@@ -284,7 +281,7 @@ def read_cpu_groups(source: WmiSource) -> Json:
 
 
 def read_firmware(source: WmiSource) -> Iterator[Json]:
-    """Secure boot of each machine of generation 2."""
+    """Yield secure boot of each machine of generation 2."""
     for system, setting in _settings(source):
         if _str(setting, "VirtualSystemSubType").endswith(":2"):
             template = str(setting["SecureBootTemplateId"] or "").strip("{}").lower()
@@ -392,7 +389,7 @@ class LocalWindows(WmiSource, Protocol):
 
 
 def local_document(windows: LocalWindows) -> dict[str, Json]:
-    """Everything that `observe.ps1` looks at, in its own form."""
+    """Return everything that `observe.ps1` looks at, in its own form."""
     unread: list[Json] = []
     probes: dict[str, Callable[[LocalWindows], Json]] = {
         "powershell": _powershell,
@@ -461,7 +458,7 @@ def _records(windows: LocalWindows) -> Iterator[Json]:
 
 
 def _policies(windows: LocalWindows) -> Iterator[Json]:
-    """As the five scopes say; that of this process is for those that it starts, and rarms says it when it does."""
+    """Yield the policies of the five scopes; this process has one for those that it starts, which rarms gives then."""
     for scope, of_user in (("MachinePolicy", False), ("UserPolicy", True)):
         yield {"scope": scope, "policy": _policy(windows, POLICY_KEY, of_user=of_user)}
     yield {"scope": "Process", "policy": "Undefined"}

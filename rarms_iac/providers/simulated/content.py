@@ -167,11 +167,11 @@ class Content:
         return self.registries.get(machine, FRESH)
 
     def with_machine(self, machine: SimulatedMachine) -> "Content":
-        """With this machine, new or in place of the one of its id."""
+        """Return the content with this machine, new or in place of the one of its id."""
         return replace(self, machines={**self.machines, machine.id: machine})
 
     def without_machine(self, machine: str) -> "Content":
-        """Without the machine of this id and its guest; its disks stay."""
+        """Return the content without the machine of this id and its guest; its disks stay."""
         return replace(
             self,
             machines={key: value for key, value in self.machines.items() if key != machine},
@@ -180,15 +180,15 @@ class Content:
         )
 
     def with_disk(self, disk: Disk) -> "Content":
-        """With one disk more."""
+        """Return the content with one disk more."""
         return replace(self, disks=tuple(sorted((*self.disks, disk), key=lambda disk: disk.path)))
 
     def without_disk(self, path: str) -> "Content":
-        """Without the disk of this path."""
+        """Return the content without the disk of this path."""
         return replace(self, disks=tuple(disk for disk in self.disks if disk.path != path))
 
     def with_registry(self, machine: str, registry: Registry) -> "Content":
-        """With this registry in that machine's guest, or on the host for the empty id."""
+        """Return the content with this registry in that machine's guest, or on the host for the empty id."""
         return replace(self, registries={**self.registries, machine: registry})
 
 

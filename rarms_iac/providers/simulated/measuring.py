@@ -111,7 +111,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     @property
     def scheduler_memory_ms(self) -> float:
-        """A reserve is guaranteed over this window, and unused claim is kept for it."""
+        """Return the window over which a reserve is guaranteed and unused claim is kept."""
         return WINDOW_MS
 
     def obstacle(self, subject: Component | Interference, *, in_its_partition: bool = False) -> Obstacle | None:  # noqa: ARG002 - the protocol's
@@ -138,7 +138,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         yield SimulatedRun(jobs=jobs, work=work)
 
     def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
-        """One operating system of the work, with what the host's file says of its partition."""
+        """Return one operating system of the work, with what the host's file says of its partition."""
         load = partition_work.load
         if not partition_work.partition:
             return VirtualMachine(
@@ -201,15 +201,15 @@ class SimulatedRun:
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:
-        """Up to the component's last job that ended."""
+        """Return the time up to the component's last job that ended."""
         return self._consumed.get(component, 0.0)
 
     def used_processors(self, partition: str) -> int | None:
-        """Exact: the model counts at each moment."""
+        """Return the exact number: the model counts at each moment."""
         return self.jobs.used_processors(partition) if isinstance(self.jobs, ObservableJobs) else None
 
     def evidence(self) -> None:
-        """Nothing disturbs a model."""
+        """Return None: nothing disturbs a model."""
 
 
 def _partition(
@@ -219,7 +219,7 @@ def _partition(
     components: tuple[JobDemand, ...] = (),
     loads: tuple[ModelLoad, ...] = (),
 ) -> VirtualMachine:
-    """NOTE: not called by its id, which is another after each making: chance is drawn by this name."""
+    """Return a partition of the model under this name, by which chance is drawn: its id changes with each making."""
     settings = machine.settings
     return VirtualMachine(
         name=name,
@@ -234,7 +234,7 @@ def _partition(
 
 
 def _sample(job: JobDone, timeout: float) -> Sample:
-    """Return a job that was ended by its component's `timeout` has no answer."""
+    """Return the sample of a job; one that its component's `timeout` ended has no answer."""
     if not job.answered:
         failure = f"no answer within {timeout:g} ms"
         return Sample(began_ms=job.began, response_ms=None, successful=False, failure=failure)

@@ -79,7 +79,7 @@ class SimulatedHostProvider(JournaledHost):
         return readings(self._state(self.load()), address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """Faults that the manifest asks for strike here."""
+        """Do an operation, or let a fault strike that the manifest asks for."""
         # What the host itself would refuse comes before any fault. LATE and FAIL_AFTER do the operation first.
         before = self.load()
         try:

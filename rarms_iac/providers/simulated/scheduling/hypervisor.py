@@ -81,7 +81,7 @@ class HypervisorScheduler:
         self._queue(vp)
 
     def keep_place(self, vp: VirtualProcessor) -> None:
-        """When the VP comes back from its next rest, it owes nothing and is owed what it was before.
+        """Let the VP come back from its next rest owing nothing, and owed what it was before.
 
         NOTE: for loads that begin anew. As one that comes, each start would bring the others level with it, and so give
         them a slice that is not reserved, which a load that goes on leaves once in seconds.
@@ -113,7 +113,7 @@ class HypervisorScheduler:
         self._arm(lp)
 
     def settle(self, lp: LogicalProcessor) -> None:
-        """Accounts for what the LP did since it was last settled."""
+        """Account for what the LP did since it was last settled."""
         now = self.agenda.now
         elapsed = now - lp.since
         if elapsed <= 0.0:
@@ -144,14 +144,14 @@ class HypervisorScheduler:
         return self._reserve_clock
 
     def settle_all(self) -> None:
-        """Accounts for everything up to now."""
+        """Account for everything up to now."""
         now = self.agenda.now
         for lp in self.lps:
             if lp.since < now:
                 self.settle(lp)
 
     def decide(self) -> None:
-        """Give every LP to the VP that should have it now, and asks to be called again when that may change."""
+        """Give every LP to the VP that should have it now, and ask to be called again when that may change."""
         self.changed = False
         self.settle_all()
         if self._woken or self._busy != self._sharing:
@@ -164,7 +164,7 @@ class HypervisorScheduler:
             self._arm(lp)
 
     def _share(self) -> None:
-        """Weighs anew all that demand; who comes begins where the least served is, with nothing owed from before."""
+        """Weigh anew all that demand; who comes begins where the least served is, with nothing owed from before."""
         stayed = self._busy & self._sharing
         for vp in self._woken:
             stayed &= ~vp.bit
@@ -202,7 +202,7 @@ class HypervisorScheduler:
         return vp.limit_left
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
-        """Who runs next of those that may, with its urgency: if it outranks none that runs, no other does."""
+        """Return who runs next of those that may, with its urgency: if it outranks none that runs, no other does."""
         clock = self._clock()
         first, highest, furthest = None, NOTHING, -inf
         for vp in self._waiting:
@@ -218,7 +218,7 @@ class HypervisorScheduler:
         return None if first is None else (first, highest)
 
     def _place(self, vp: VirtualProcessor, urgency: int) -> bool:
-        """Put a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
+        """Put a waiting VP on an LP, a free one or that of one that it outranks; return whether there is one."""
         lp = self._lp_for(vp, urgency)
         if lp is None:
             return False
@@ -265,7 +265,7 @@ class HypervisorScheduler:
         return weakest if urgency == NOTHING and -vp.used > strength else None
 
     def _arm(self, lp: LogicalProcessor) -> None:
-        """Asks for the next moment at which something may change on this LP by itself."""
+        """Ask for the next moment at which something may change on this LP by itself."""
         delay = lp.taken_left if lp.taken else self._undisturbed(lp)
         at = self.agenda.now + max(delay, 0.0)
         if at != lp.armed_at:
@@ -320,7 +320,7 @@ class HypervisorScheduler:
             then()
 
     def _look_again(self, vp: VirtualProcessor) -> None:
-        """NOTE: while all others run on their claims nothing changes; the end of a claim is looked at by itself."""
+        """Look again, unless all others run on their claims: the end of a claim is looked at by itself."""
         self._look_later(vp)
         if vp.limit < 1.0 or vp.urgency() == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
             self.changed = True

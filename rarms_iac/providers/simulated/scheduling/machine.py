@@ -45,7 +45,7 @@ class JobDemand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstLoads:
-    """Threads that wake at the same moment, take a burst of processor time each, and sleep (`programs.py`)."""
+    """Threads that wake at the same moment, take a burst of processor time each, and sleep (`simulation.py`)."""
 
     burst_ms: float
     gap_ms: float  # between bursts, on average
@@ -53,7 +53,7 @@ class BurstLoads:
 
 
 ModelLoad = BusyLoop | BurstLoads | Browser
-"""A busy loop has threads that never wait, without a number one a VP; `programs.py` says what a browser does."""
+"""A busy loop has threads that never wait, without a number one a VP; `simulation.py` says what a browser does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class ModelMachine:
     window_ms: float = WINDOW_MS
 
     def __post_init__(self) -> None:
-        """Refuses what no host would be asked: more reserved than there is, or two of one name."""
+        """Refuse what no host would be asked: more reserved than there is, or two of one name."""
         reserved = sum(machine.vps * machine.reserve for machine in self.machines)
         if reserved > self.lps * 100 + 1e-6:
             raise ValueError(f"{reserved:g} % of one LP are reserved, and {self.lps} LPs have {self.lps * 100} %")
@@ -140,12 +140,12 @@ class Agenda:
         self._coming: list[tuple[float, int, int, Owner, Action]] = []
 
     def at(self, time: float, owner: Owner, action: Action) -> None:
-        """Lets the action happen then, unless the owner's turn has been raised in between."""
+        """Let the action happen then, unless the owner's turn has been raised in between."""
         self._asked += 1
         heappush(self._coming, (time, self._asked, owner.turn, owner, action))
 
     def after(self, delay: float, owner: Owner, action: Action) -> None:
-        """Lets the action happen so much later."""
+        """Let the action happen so much later."""
         self.at(self.now + delay, owner, action)
 
     def due(self, until: float) -> Action | None:
@@ -228,11 +228,11 @@ class VirtualProcessor(Owner):
         self.limit_window = -1
 
     def saved(self) -> float:
-        """For how long its reserve has not been used, in ms."""
+        """Return for how long its reserve has not been used, in ms."""
         return self.claim / self.reserve if self.reserve else 0.0
 
     def urgency(self) -> int:
-        """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over.
+        """Return LATE: its reserve must be honoured now; CLAIM: it may use it; NOTHING: it lives on what is left over.
 
         What runs keeps its urgency for a turn.
         """
@@ -260,7 +260,7 @@ class VirtualProcessor(Owner):
         return gained
 
     def consume(self, elapsed: float, clock: float) -> None:
-        """Ran for so long: first of its claim, then of what is left over."""
+        """Run for so long: first of its claim, then of what is left over."""
         thread = self.thread
         assert thread is not None
         thread.remaining -= elapsed

@@ -86,7 +86,7 @@ class Variation:
         self._shift = -variance / 2.0
 
     def of(self, mean: float) -> float:
-        """One duration."""
+        """Draw one duration."""
         if not self._sigma or not mean:
             return mean
         return mean * self._random.lognormvariate(self._shift, self._sigma)
@@ -103,7 +103,7 @@ class ProcessorUse:
         self._threads = 0
 
     def change(self, now: float, *, jobs: int = 0, threads: int = 0) -> None:
-        """So many more jobs are under way from now on, and so many more threads want a processor."""
+        """Note that so many more jobs are under way from now on, and so many more threads want a processor."""
         elapsed, self._now = now - self._now, now
         self.at_once_ms[self._threads] = self.at_once_ms.get(self._threads, 0.0) + elapsed
         if self._jobs:
@@ -150,7 +150,7 @@ class ComponentProgram(Owner):
             self.begin()
 
     def begin(self) -> None:
-        """Begins the job that is due: it first waits, then works."""
+        """Begin the job that is due: it first waits, then works."""
         self._ends = self._agenda.now + self._demand.timeout_ms
         self._use.change(self._agenda.now, jobs=1)
         self._watch()
@@ -176,7 +176,7 @@ class ComponentProgram(Owner):
             self._answer()
 
     def _watch(self) -> None:
-        """NOTE: one look is pending at a time, however many jobs there are: hardly one of them takes too long."""
+        """Ask for one look at a time, however many jobs there are: hardly one of them takes too long."""
         if not self._watched and self._ends < inf:
             self._watched = True
             self._agenda.at(self._ends, self._clock, self._look)
@@ -204,7 +204,7 @@ class ComponentProgram(Owner):
         self._over(successful=within is None or self._agenda.now - self._due <= within, answered=True)
 
     def _over(self, *, successful: bool, answered: bool) -> None:
-        """Tells of the job; the next one begins at once, or when it is due."""
+        """Tell of the job; the next one begins at once, or when it is due."""
         demand, now = self._demand, self._agenda.now
         response = now - self._due
         self._ends = inf
@@ -225,7 +225,7 @@ class Devices:
         self._turn = 0
 
     def interrupt(self, duration: float) -> None:
-        """ISRs and DPCs of this duration, spread over the LPs; no thread waits for their end."""
+        """Spread ISRs and DPCs of this duration over the LPs; no thread waits for their end."""
         pieces = max(1, ceil(duration / PIECE_MS))
         for _ in range(pieces):
             self._hypervisor.take(self._next(), duration / pieces, INTERRUPT)
@@ -251,7 +251,7 @@ class GuestScreen:
         self._locked = False
 
     def lock(self, then: Action) -> None:
-        """`then` follows when it is one's own."""
+        """Lock the screen; `then` follows."""
         if self._locked:
             self._waiting.append(then)
         else:
@@ -259,7 +259,7 @@ class GuestScreen:
             then()
 
     def release(self) -> None:
-        """Lets the next one have it."""
+        """Let the next one have it."""
         if self._waiting:
             self._waiting.popleft()()
         else:
@@ -380,7 +380,7 @@ class BusyLoopProgram(Owner):
         self._system.ready(self._thread)
 
     def restart(self, pause_ms: float) -> None:
-        """Stop, and starts again after a pause."""
+        """Stop, and start again after a pause."""
         self._system.pause(self._thread)
         self._agenda.after(pause_ms, self, self.start)
 
