@@ -9,7 +9,6 @@ from typing import Protocol
 from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.use_case_errors import UseCaseError
-from rarms_iac.measuring.level_prompt import SessionEnded
 from rarms_iac.measuring.session import stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
 from rarms_iac.measuring.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
@@ -45,35 +44,25 @@ class CombiningPrompt(TuningPrompt, Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CombiningOutcome:
-    """What came of the offer."""
-
-    result: TuningResult | None = None  # None: nothing had to be combined, or the user declined
-    ended: bool = False  # the user asked for an end at a question
-
-
 def combine_if_wanted(
     hosts: Hosts, request: TuneRequest, prompt: CombiningPrompt, control: Control
-) -> CombiningOutcome:
+) -> TuningResult | None:
     """Offer to combine components where their reservations exceed the hosts, and write what is found and confirmed.
 
     Args:
         hosts: Of one platform, with the manifest as it is now.
 
     Returns:
-        What tuning came to; empty where nothing had to be combined, or it was not wanted.
+        What tuning came to; None where nothing had to be combined, or it was not wanted.
 
     Raises:
+        SessionEnded: The user asked for an end at a question.
         UseCaseError: As `tune_components`.
     """
     offer = combining_offer(hosts)
-    try:
-        if offer is None or not prompt.combines(offer):
-            return CombiningOutcome()
-        return CombiningOutcome(result=tune_components(hosts, request, control, prompt))
-    except SessionEnded:
-        return CombiningOutcome(ended=True)
+    if offer is None or not prompt.combines(offer):
+        return None
+    return tune_components(hosts, request, control, prompt)
 
 
 def combining_offer(hosts: Hosts) -> CombiningOffer | None:

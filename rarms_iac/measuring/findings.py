@@ -119,8 +119,14 @@ def findings_of(
             assert_never(conclusion)
 
 
-def failed_samples(failed: TooManyFailures, setting: str, places: Places, **values: Any) -> Diagnostic:
-    """Make the finding that more samples failed than a component allows."""
+def failed_samples(
+    failed: TooManyFailures, setting: str, places: Places, *, advice: Wording = "", **values: Any
+) -> Diagnostic:
+    """Make the finding that more samples failed than a component allows.
+
+    Args:
+        advice: Where enough memory was left; empty: to run it alone, or to allow as many failures.
+    """
     component, count = failed.component, len(failed.failures)
     reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
     run_alone = prose("Run it alone and correct it: ", command("run", component), ". ")
@@ -129,7 +135,7 @@ def failed_samples(failed: TooManyFailures, setting: str, places: Places, **valu
         places.key("components", component),
         "{component} {setting}: {failed_samples:sample} failed, and `run.failures` allows {allowed}: "
         "{reasons}.{_why_out_of_memory}",
-        MORE_MEMORY if failed.out_of_memory else prose(run_alone, allow),
+        MORE_MEMORY if failed.out_of_memory else advice or prose(run_alone, allow),
         address=f"component/{component}",
         component=component,
         failed_samples=count,

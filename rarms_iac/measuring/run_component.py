@@ -19,18 +19,18 @@ from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import FAILURES, MORE_MEMORY, memory_kills, work_outside
+from rarms_iac.measuring.findings import failed_samples, memory_kills, work_outside
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
+from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, TooManyFailures, Verdict
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample, Series, SkippedLines
 from rarms_iac.model.setting import OutsideWork
 from rarms_iac.model.system import Component, System, Threshold, run_of
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
@@ -46,7 +46,11 @@ CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 
 MISSED_UNRESERVED = Finding.warning("RARMS288", "An APT is missed without any reservation")
 
-FAILURES_SHOWN = 3
+_WHY_SAMPLES_FAIL = (
+    "Look at what it writes on standard error, and whether `run.samples` fits its output; it must write each line at "
+    "once (flush it). `run.failures` allows some; a job of `per_run` may end with any exit code where the APT has a "
+    "`success_rate`."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -347,25 +351,14 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
     name, places = result.component.name, manifest.places
     if result.killed_for_memory:
         yield from memory_kills({name: result.killed_for_memory}, places)
-    address = f"component/{name}"
     if result.ending is SamplingEnd.FAILURES:
-        reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
-        count = counted(result.failed, "failed sample")
-        yield FAILURES.at(
-            places.key("components", name, "run"),
-            '"{component}" had {_count} and may have {allowed_failures}: {reasons:;}. Such a setting gets no verdict.',
-            MORE_MEMORY
-            if result.killed_for_memory
-            else "Look at what it writes on standard error, and whether `run.samples` fits its output; "
-            "it must write each line at once (flush it). `run.failures` allows some; a job of `per_run` may end with "
-            "any exit code where the APT has a `success_rate`.",
-            address=address,
+        failed = TooManyFailures(
             component=name,
-            failed_samples=result.failed,
-            allowed_failures=result.run.failures,
-            reasons=tuple(reasons[:FAILURES_SHOWN]),
-            _count=count,
+            failures=tuple(sample.failure for sample in result.series.samples if sample.failure),
+            allowed=result.run.failures,
+            out_of_memory=result.killed_for_memory,
         )
+        yield failed_samples(failed, "on this machine", places, advice=_WHY_SAMPLES_FAIL)
         return
     missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
     for index in () if reserved else missed:
@@ -374,7 +367,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             '"{component}" misses its {index} on this machine although nothing takes processor time from '
             "it but what runs here anyway: no reservation would help it.",
             "Relax the APT, mend or speed up the component, or run it on the machine that it is meant for.",
-            address=address,
+            address=f"component/{name}",
             component=name,
             index=index,
         )

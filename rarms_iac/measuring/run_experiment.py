@@ -87,7 +87,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
         while True:
             run = _begin(session, experiment, method, says_duration=says_duration)
             answer = measure_settings(run)
-            if run.available.running and (isinstance(answer, ProcessorNumberChanged) or answer.new):
+            if run.available.running and (isinstance(answer, ProcessorNumber) or answer.new):
                 reporter.findings([_busy_warning(experiment, run.available.running)])
             if isinstance(answer, ExperimentResult):
                 break
@@ -98,18 +98,10 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
                 finding = findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
                 reporter.findings([finding], session.hosts.manifest.sources)
                 says_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
-            number = ProcessorNumber(number=answer.number, source=ProcessorSource.USED)
-            experiment = experiment.with_processors(number)
+            experiment = experiment.with_processors(answer)
         if experiment.processors_from is ProcessorSource.HOST and most_used(answer.settings) is not None:
             experiment = replace(experiment, processors_from=ProcessorSource.USED)  # all of the host's are
         return replace(answer, experiment=experiment)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessorNumberChanged:
-    """P1 was seen to use another number of processors than it has: what was measured so far is no curve of it."""
-
-    number: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,14 +118,15 @@ class ExperimentRun:
     says_duration: bool = False
 
 
-def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumberChanged:
+def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
 
     A strategy is a pure function of the recorded settings, so a run that was killed goes on by asking it again. It asks
     for a recorded setting again only where that is not finished, or where all is to be measured again.
 
     Returns:
-        How it ended, with all settings that count.
+        How it ended, with all settings that count; or the number of processors that P1 was seen to use, where it has
+        another one: what was measured so far is no curve of it.
 
     Raises:
         UseCaseError: As of `stop_what_is_in_the_way`.
@@ -185,7 +178,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumberCh
             remaining = times.remaining(experiment, run.count, new, running=0)
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
-                return ProcessorNumberChanged(number=number)
+                return ProcessorNumber(number=number, source=ProcessorSource.USED)
 
 
 def _prepared(run: ExperimentRun, seed: int) -> Site:

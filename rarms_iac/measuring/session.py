@@ -301,30 +301,18 @@ def _scope(partition: Partition) -> Scope:
 
 
 def own_running(state: State, application: str) -> tuple[str, ...]:
-    """Name the partitions of an application that run on a host, in order.
-
-    Returns:
-        Their names in the manifest, sorted.
-    """
-    own = state.of(application).partitions
-    return tuple(
-        sorted(
-            (partition.mark.name for partition in own if partition.mark and partition.settings.running),
-            key=natural_order,
-        )
-    )
+    """Name the partitions of an application that run on a host, in order."""
+    return _names(each for each in state.of(application).partitions if each.settings.running)
 
 
 def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
-    """Name the partitions of an application that a measurement stopped and has not started again, in order.
+    """Name the partitions of an application that a measurement stopped and has not started again, in order."""
+    own = state.of(application).partitions
+    return _names(each for each in own if each.mark and each.mark.stopped_by is StoppedBy.MEASUREMENT)
 
-    Returns:
-        Their names in the manifest, sorted.
-    """
-    marks = (partition.mark for partition in state.of(application).partitions)
-    return tuple(
-        sorted((mark.name for mark in marks if mark and mark.stopped_by is StoppedBy.MEASUREMENT), key=natural_order)
-    )
+
+def _names(partitions: Iterable[Partition]) -> tuple[str, ...]:
+    return tuple(sorted((each.mark.name for each in partitions if each.mark), key=natural_order))
 
 
 def stopped_to_measure(state: State, application: str) -> State:

@@ -20,6 +20,7 @@ from rarms_iac.cli.prompts import (
 )
 from rarms_iac.cli.session import Session
 from rarms_iac.measuring.combining import combine_if_wanted
+from rarms_iac.measuring.level_prompt import SessionEnded
 from rarms_iac.measuring.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.measuring.measure_request import MeasureRequest, reserves_between
 from rarms_iac.measuring.tune import TuneRequest
@@ -109,21 +110,23 @@ def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: 
 def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Control) -> ExitCode:
     """After levels were chosen: what the user wants to be done where they need more than there is."""
     prompt = TerminalCombiningPrompt(session)
-    outcome = combine_if_wanted(hosts, request, prompt, control)
-    prompt.ended()
-    if outcome.ended:
+    try:
+        result = combine_if_wanted(hosts, request, prompt, control)
+    except SessionEnded:
+        prompt.ended()
         session.terminal.tell(
             prose("Ended. What is measured and written stays: ", command("tune"), " goes on with combining.")
         )
         return session.interrupts.exit_code or ExitCode.DONE
-    if outcome.result is None:
+    prompt.ended()
+    if result is None:
         return ExitCode.DONE
-    for sentence in manifest_changes(outcome.result):
+    for sentence in manifest_changes(result):
         session.terminal.tell(sentence)
-    tell(session.terminal, outcome.result.findings, hosts.manifest.sources)
-    if outcome.result.run.ending == "stopped":
+    tell(session.terminal, result.findings, hosts.manifest.sources)
+    if result.run.ending == "stopped":
         return stopped(session)
-    if outcome.result.run.ending != "successful":
-        session.terminal.talk(tuned_text(outcome.result))
-        return measured(outcome.result.findings) or ExitCode.NO
-    return measured(outcome.result.findings)
+    if result.run.ending != "successful":
+        session.terminal.talk(tuned_text(result))
+        return measured(result.findings) or ExitCode.NO
+    return measured(result.findings)
