@@ -2,7 +2,7 @@
 
 A checked `System` comes in, ordered findings go out. `check(finding)` above a function makes it one of `CHECKS`; it
 yields a `Violation` for each case, and `run_checks` makes findings with places of them. Begin with `violation` and any
-topic: `names`, `partitions`, `hosts`, `processors`, `tasks`, `measurement`, `secrets`.
+topic: `names`, `partitions`, `hosts`, `processors`, `measurement`.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from itertools import chain, islice
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
-from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks  # noqa: F401 - each adds its checks
+from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors  # noqa: F401 - each adds its checks
 from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.manifest.overlays import UNKNOWN_NAME
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, in_order, remainder

@@ -1,13 +1,14 @@
-"""Checks of hosts: their platform, how they are reached, their paths, and what they keep for themselves."""
+"""Checks of hosts: platform, how they are reached, paths, what they keep for themselves; and of secrets.
+
+The manifest lies in git, so it holds references to secrets only.
+"""
 
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.names import KEPT_NAME
-from rarms_iac.manifest.checks.system_lookups import allowed_hosts
-from rarms_iac.manifest.checks.violation import Violation, check, host_check, violation
+from rarms_iac.manifest.checks.violation import Violation, allowed_hosts, check, component_check, host_check, violation
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.host import Host, HypervHost, LinuxHost, ProviderKind, WinRmConnect
+from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
 from rarms_iac.model.shared_findings import (
@@ -18,7 +19,7 @@ from rarms_iac.model.shared_findings import (
     UNKNOWN_KEY,
     WRONG_VALUE,
 )
-from rarms_iac.model.system import RunsOn, System
+from rarms_iac.model.system import Component, RunsOn, System
 from rarms_iac.model.wording import quoted
 
 TOO_LITTLE = Finding.warning("RARMS058", "Less than the components need")
@@ -26,6 +27,10 @@ TOO_LITTLE = Finding.warning("RARMS058", "Less than the components need")
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')
 _WILDCARD = re.compile(r"[\[\]`]")  # PowerShell reads them as a pattern where a cmdlet takes -Path
+
+_REFERENCE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,127}")
+_KEY = re.compile(r"(?=.*[a-z])(?=.*[A-Z])(?=.*[0-9])[A-Za-z0-9_-]{16,}")
+_SECRET = re.compile(r"(?i)(password|passwd|passphrase|secret|api_?key|access_?key|private_?key|(^|_)token$|(^|_)pw$)")
 
 
 @check(TOO_LITTLE)
@@ -73,23 +78,6 @@ def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
         keeps=amount,
         has=available,
     )
-
-
-SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lxc", "kubepods", "libpod_parent"})
-"""Control groups of systemd and of container engines."""
-
-
-@host_check(KEPT_NAME)
-def slice_of_others(host: Host) -> Iterator[Violation]:
-    """`linux: {slice: ...}` with a name that systemd or a container engine uses."""
-    if isinstance(host.settings, LinuxHost) and host.settings.slice in SLICES_OF_OTHERS:
-        yield violation(
-            ("hosts", host.name, "linux", "slice"),
-            '"{host}" has the slice "{slice}", which belongs to systemd or to a container engine. rarms '
-            "would limit everything in it, and end it with the last partition.",
-            "Choose another name, or leave `slice` out to use `rarms`.",
-            slice=host.settings.slice,
-        )
 
 
 @host_check(NO_EFFECT)
@@ -244,3 +232,44 @@ def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
             taken_percent=taken_for(percent),
             provider=host.provider.value,
         )
+
+
+@check(Finding.error("RARMS090", "The manifest contains a secret"))
+def secret_in_clear(system: System) -> Iterator[Violation]:
+    """Credentials that do not look like the name of one."""
+    named = [
+        (("partitions", name, "guest"), name, request.guest.credential) for name, request in system.partitions.items()
+    ]
+    for name, host in system.hosts.items():
+        if isinstance(host.settings, HypervHost):
+            named.append((("hosts", name, "hyperv"), name, host.settings.credential))
+    for path, name, credential in named:
+        if credential is not None and not is_reference(credential):
+            yield violation(
+                (*path, "credential"),
+                'The credential of "{name}" looks like the secret itself. The manifest lies in git, where '
+                "others can read it and nothing is deleted.",
+                "Write the name under which the credential is stored: letters, digits and . _ / - only, for "
+                "example `robot/guest`. Change the secret if it was committed.",
+                key="credential",
+                name=name,
+            )
+
+
+def is_reference(text: str) -> bool:
+    """Whether it may be the name of a credential: no sign that only passwords have, and not as mixed as a key."""
+    return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
+
+
+@component_check(Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret"))
+def secret_in_environment(component: Component) -> Iterator[Violation]:
+    """Variables with a secret's name whose value stands in the manifest."""
+    for name, value in (component.run.environment if component.run is not None else {}).items():
+        if isinstance(value, str) and value and _SECRET.search(name):
+            yield violation(
+                ("components", component.name, "run", "environment", name),
+                'The manifest contains the value of {variable} for "{component}". The manifest lies in '
+                "git, where others can read it.",
+                f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
+                variable=name,
+            )

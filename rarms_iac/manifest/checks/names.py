@@ -1,17 +1,28 @@
-"""Checks of names: what they refer to, which ones Windows or rarms keeps for itself, and renamed partitions."""
+"""Checks of names: what they refer to, which ones something else keeps, renamed partitions, and task classes."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
-from rarms_iac.manifest.checks.system_lookups import partition_names
-from rarms_iac.manifest.checks.violation import Path, Violation, check, violation
+from rarms_iac.manifest.checks.violation import (
+    Path,
+    Violation,
+    check,
+    known_tasks,
+    operating_systems,
+    partition_names,
+    task_entry,
+    violation,
+)
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
+from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
-from rarms_iac.model.shared_findings import OTHER_VERSION, UNKNOWN_NAME
-from rarms_iac.model.system import System
+from rarms_iac.model.shared_findings import CLASS_ORDER, OTHER_VERSION, UNKNOWN_NAME
+from rarms_iac.model.system import Component, System
+from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import MOST_NAMES, Suggestions
 
@@ -22,9 +33,16 @@ MOVED = Finding.error("RARMS080", "An entry of `moved` cannot be carried out")
 KEPT_NAME = Finding.error("RARMS043", "This name is kept for something else")
 
 
+SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lxc", "kubepods", "libpod_parent"})
+"""Control groups of systemd and of container engines."""
+
+
+_ADVICE_ON_TASKS = f"Use one of {', '.join(ROBOTIC_TASKS)}, or add the class to `tasks`."
+
+
 @check(UNKNOWN_NAME)
 def unknown_name(system: System) -> Iterator[Violation]:
-    """Every host, component, partition or interference that is named and does not exist."""
+    """Every host, component, partition, interference or task class that is named and does not exist."""
     suggestions = Suggestions()
     for path, name, kind, known in _references(system):
         if name not in known:
@@ -32,7 +50,7 @@ def unknown_name(system: System) -> Iterator[Violation]:
             yield violation(
                 path,
                 'There is no {kind} "{name}".{_suggestion}',
-                f"Correct the name, or add the {kind}.",
+                _ADVICE_ON_TASKS if kind == "task class" else f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
                 kind=kind,
                 name=name,
@@ -64,12 +82,17 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str]]]:
     """Path, name, kind and the names that exist, of everything that the manifest refers to by name."""
+    tasks = known_tasks(system)
+    folded = {name.lower() for name in tasks}
     for component in system.components.values():
         here = ("components", component.name)
         yield from _each((*here, "together"), component.together, "component", system.components)
         yield from _each((*here, "apart"), component.apart, "component", system.components)
         yield from _each((*here, "hosts"), component.hosts or (), "host", system.hosts)
         yield from _loads((*here, "interference"), component.interference, system)
+        task = component.task
+        if task is not None and task.lower() not in folded and not is_shipped_task(task):
+            yield (*here, "task"), task, "task class", tasks
     for partition in system.partitions.values():
         path = ("partitions", partition.name, "components")
         yield from _each(path, partition.components, "component", system.components)
@@ -98,79 +121,91 @@ def _each(
         yield (*path, number), name, kind, known
 
 
-@check(KEPT_NAME)
-def device_name(system: System) -> Iterator[Violation]:
-    """Hosts, components, partitions and interference that no Windows folder can be called after."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kept:
+    """Names that something else keeps, and those of the manifest that must not be among them, by their paths."""
+
+    kept: Collection[str]
+    names: Iterable[tuple[Path, str]]
+    template: str
+    advice: str  # a format with `name`
+    at: str = ""  # the kind of the address; empty: as the path says
+
+
+def _kept(system: System) -> Iterator[_Kept]:
+    application = (("application", "name"), system.application.name)
+    partitions = [((system.section_of(name), name), name) for name in sorted(partition_names(system))]
+    users = [(("components", name, "task"), each.task) for name, each in system.components.items() if each.task]
     sections = {
         "hosts": system.hosts,
         "components": system.components,
         "partitions": system.partitions,
         "interference": system.interference,
     }
-    if system.application.name in WINDOWS_DEVICES:
-        yield _device_violation(("application", "name"), system.application.name, at_key=False)
-    for section, names in sections.items():
-        for name in names:
-            if name in WINDOWS_DEVICES:
-                yield _device_violation((section, name), name, at_key=True)
-
-
-def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
-    return violation(
-        path,
-        'Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual '
+    yield _Kept(
+        kept=WINDOWS_DEVICES,
+        names=[application, *(((section, name), name) for section, names in sections.items() for name in names)],
+        template='Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual '
         "machine and no data log can have it.",
-        f'Choose another name, for example "{name}-1".',
-        at_key=at_key,
-        name=name,
+        advice='Choose another name, for example "{name}-1".',
+    )
+    yield _Kept(
+        kept=POWERSHELL_MEMBERS,
+        names=[application],
+        template='PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
+        "this application could not be read.",
+        advice='Choose another name, for example "{name}-1".',
+    )
+    yield _Kept(
+        kept={name.lower() for name in system.hosts},
+        names=partitions,
+        template='"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
+        "search for the partition may find the host.",
+        advice="Rename the host or the partition (the component, if the partition has no entry).",
+        at="partition",
+    )
+    yield _Kept(
+        kept=TEST_PARTITIONS,
+        names=partitions,
+        template='`rarms measure` creates and removes a partition with the name "{name}".',
+        advice="Rename the partition (the component, if the partition has no entry).",
+        at="partition",
+    )
+    yield _Kept(
+        kept=SLICES_OF_OTHERS,
+        names=[
+            (("hosts", name, "linux", "slice"), host.settings.slice)
+            for name, host in system.hosts.items()
+            if isinstance(host.settings, LinuxHost)
+        ],
+        template='"{host}" has the slice "{name}", which belongs to systemd or to a container engine. rarms '
+        "would limit everything in it, and end it with the last partition.",
+        advice="Choose another name, or leave `slice` out to use `rarms`.",
+    )
+    yield _Kept(
+        kept={SYSTEM_RESPONSIVENESS.lower()},
+        names=[*((("tasks", name), name) for name in system.tasks), *users],
+        template='rarms stores the value of `system_responsiveness` under the name "{name}". A task class cannot '
+        "have this name.",
+        advice="Rename the class. To set the value itself, write `system_responsiveness` at the host.",
+        at="task",
     )
 
 
 @check(KEPT_NAME)
-def powershell_name(system: System) -> Iterator[Violation]:
-    """Yield an application whose name no object of PowerShell can have as a property, as a journal's would."""
-    name = system.application.name
-    if name in POWERSHELL_MEMBERS:
-        yield violation(
-            ("application", "name"),
-            'PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
-            "this application could not be read.",
-            f'Choose another name, for example "{name}-1".',
-            name=name,
-        )
-
-
-@check(KEPT_NAME)
-def partition_like_host(system: System) -> Iterator[Violation]:
-    """Partitions, with an entry or without, that have a host's name."""
-    hosts = {name.lower() for name in system.hosts}
-    for name in sorted(partition_names(system)):
-        if name.lower() in hosts:
-            yield _partition_name_violation(
-                system,
-                name,
-                '"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
-                "search for the partition may find the host.",
-                "Rename the host or the partition (the component, if the partition has no entry).",
-            )
-
-
-@check(KEPT_NAME)
-def test_partition_name(system: System) -> Iterator[Violation]:
-    """Partitions, with an entry or without, that measuring would remove."""
-    for name in sorted({*partition_names(system)} & {*TEST_PARTITIONS}):
-        yield _partition_name_violation(
-            system,
-            name,
-            "`rarms measure` creates and removes partitions with the names {test_partitions:all}.",
-            "Rename the partition (the component, if the partition has no entry).",
-            test_partitions=tuple(TEST_PARTITIONS),
-        )
-
-
-def _partition_name_violation(system: System, name: str, template: str, advice: str, **facts: Any) -> Violation:
-    path = (system.section_of(name), name)
-    return violation(path, template, advice, at_key=True, address=f"partition/{name}", name=name, **facts)
+def kept_name(system: System) -> Iterator[Violation]:
+    """Names that Windows, PowerShell, systemd or rarms keeps for something else."""
+    for row in _kept(system):
+        for path, name in row.names:
+            if name.lower() in row.kept:
+                yield violation(
+                    path,
+                    row.template,
+                    row.advice.format(name=name),
+                    at_key=path[-1] == name and path[0] != "application",
+                    address=f"{row.at}/{name}" if row.at else None,
+                    name=name,
+                )
 
 
 @check(MOVED)
@@ -257,5 +292,81 @@ def unused_interference(system: System) -> Iterator[Violation]:
                 ("interference", name),
                 'Neither `policy.interference` nor a component names "{interference}".',
                 "Name it, or remove it. Leave it if you only measure with it by hand.",
+                at_key=True,
+            )
+
+
+@check(Finding.error("RARMS053", "A task class of Windows would be changed"))
+def shipped_task(system: System) -> Iterator[Violation]:
+    """Classes that come with Windows and would be changed without `replace_shipped`."""
+    for task in system.tasks.values():
+        if is_shipped_task(task.name) and not task.replace_shipped:
+            yield _shipped_task_violation(("tasks", task.name), task.name)
+    for component in system.components.values():
+        name = component.task
+        if name is not None and is_shipped_task(name) and task_entry(system, name) is None:
+            yield _shipped_task_violation(("components", component.name, "task"), name)
+
+
+def _shipped_task_violation(path: Path, name: str) -> Violation:
+    return violation(
+        path,
+        'The class "{task}" comes with Windows, and other programs use it. rarms would change its values.',
+        f"Use a robotic class such as {ROBOTIC_TASKS[1]}, or write `replace_shipped: true` in `tasks.{name}`.",
+        at_key=path[0] == "tasks",
+        address=f"task/{name}",
+        task=name,
+    )
+
+
+@check(KEPT_NAME)
+def task_differs_in_case(system: System) -> Iterator[Violation]:
+    """Yield the later of two entries that the registry would take for one."""
+    first: dict[str, str] = {}
+    for name in system.tasks:
+        before = first.setdefault(name.lower(), name)
+        if before != name:
+            yield violation(
+                ("tasks", name),
+                '"{task}" and "{other}" are the same registry key: Windows ignores case in these names.',
+                "Keep one of the two.",
+                at_key=True,
+                related=((("tasks", before), True, "the other one"),),
+                other=before,
+            )
+
+
+@check(CLASS_ORDER)
+def shared_task(system: System) -> Iterator[Violation]:
+    """Yield the less critical users of a class, whose threads get the priority of the most critical one."""
+    for group in operating_systems(system):
+        most_critical: dict[str, Component] = {}
+        for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
+            if component.task is None:
+                continue
+            leader = most_critical.setdefault(component.task.lower(), component)
+            if leader.criticality > component.criticality:
+                yield violation(
+                    ("components", component.name, "task"),
+                    '"{component}" (criticality {criticality}) and "{other}" ({other_criticality}) share '
+                    "the class {task} in one operating system. The threads of both get the same priority.",
+                    "Give the less critical component a class of its own.",
+                    task=component.task,
+                    criticality=component.criticality,
+                    other=leader.name,
+                    other_criticality=leader.criticality,
+                )
+
+
+@check(NOT_USED)
+def unused_task(system: System) -> Iterator[Violation]:
+    """Entries of `tasks` that no component names."""
+    used = {component.task.lower() for component in system.components.values() if component.task is not None}
+    for name in system.tasks:
+        if name.lower() not in used:
+            yield violation(
+                ("tasks", name),
+                "No component has `task: {task}`. Nothing would run in this class.",
+                "Write it at a component, or remove the class.",
                 at_key=True,
             )

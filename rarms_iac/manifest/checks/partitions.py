@@ -4,15 +4,20 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.manifest.checks.hosts import TOO_LITTLE
 from rarms_iac.manifest.checks.names import KEPT_NAME
-from rarms_iac.manifest.checks.system_lookups import (
+from rarms_iac.manifest.checks.violation import (
+    Path,
+    Violation,
     allowed_hosts,
     behaves_like_hyperv,
     bound_groups,
+    check,
+    component_check,
     hosts_for,
     members,
+    partition_check,
     partition_of_component,
+    violation,
 )
-from rarms_iac.manifest.checks.violation import Path, Violation, check, component_check, partition_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes

@@ -5,15 +5,18 @@ from fractions import Fraction
 from math import ceil
 from typing import assert_never
 
-from rarms_iac.manifest.checks.system_lookups import (
+from rarms_iac.manifest.checks.violation import (
+    Violation,
     allowed_hosts,
+    check,
     cpu_settings,
     fixed_reserve,
     hosts_for,
     members,
     on_every,
+    partition_check,
+    violation,
 )
-from rarms_iac.manifest.checks.violation import Violation, check, partition_check, violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (

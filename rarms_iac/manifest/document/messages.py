@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from rarms_iac.manifest.document.forms import FORMS
+from rarms_iac.manifest.document.marks import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.tree import dotted

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal, NewType, TypeVar, Union, get_args, g
 from pydantic_core import CoreSchema, PydanticCustomError, SchemaValidator
 from pydantic_core import core_schema as core
 
-from rarms_iac.manifest.document.forms import FORMS
-from rarms_iac.manifest.document.quantities import (
+from rarms_iac.manifest.document.marks import (
+    FORMS,
     quantity_reader,
     quantity_schema,
     read_thresholds,

@@ -1,12 +1,16 @@
 """One pass over PyYAML's events: plain values out of text, and where each stands; it stops at the first excess.
 
+A plain word means what YAML 1.2's core schema says: `no` is a text, `0640` is 640.
+
 Nothing else sees unchecked text. `rarms validate` spends its time here: so it is one loop over locals, and of each
 key and value it notes two numbers, from which `tree.py` makes a tree when there is something to report, to merge or to
 write.
 """
 
+import math
 import re
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import islice
 from typing import Any, Final
 
@@ -23,7 +27,6 @@ from yaml.events import (
 )
 
 from rarms_iac.manifest.text.characters import Source, UnreadableText, syntax_finding, unseen
-from rarms_iac.manifest.text.scalars import MAY_BE_MORE, NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.tree import ManifestPlaces, Spans, Tree, build_tree, dotted
 from rarms_iac.model.diagnostics import Diagnostic, Place, Related
 from rarms_iac.model.shared_findings import NOT_YAML
@@ -36,6 +39,67 @@ MAX_SCALAR = 64 * 2**10  # characters
 
 _NO_KEY: Final = object()
 _MOST = 20  # cases shown of one kind of problem
+
+MAX_DIGITS = 15
+"""Digits of a whole number: every program that reads JSON keeps so many."""
+
+PlainValue = bool | int | float | str | None
+
+_WORDS: dict[str, bool | None] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_MAY_BE_MORE = frozenset(("", *"0123456789+-.~nNtTfF"))
+"""How words begin that may mean more than their text."""
+
+_DECIMAL = re.compile(r"[-+]?[0-9]+")
+_OCTAL = re.compile(r"0o[0-7]+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+
+class NotRepresentable(ValueError):
+    """Not a YAML text that rarms reads; the message says why."""
+
+
+@lru_cache(maxsize=4096)
+def plain_scalar(text: str) -> PlainValue:
+    """Return the value of a word without quotes.
+
+    Raises:
+        NotRepresentable: a number of more than 15 digits, an infinite one, or none at all (`.nan`).
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    if _DECIMAL.fullmatch(text):
+        return _whole(text, 10)
+    if _OCTAL.fullmatch(text):
+        return _whole(text[2:], 8)
+    if _HEXADECIMAL.fullmatch(text):
+        return _whole(text[2:], 16)
+    if _FLOAT.fullmatch(text):
+        return _finite(text)
+    if _NOT_FINITE.fullmatch(text):
+        raise NotRepresentable(f"{text} cannot be compared with other numbers")
+    return text
+
+
+def _whole(digits: str, base: int) -> int:
+    if len(digits.lstrip("+-0")) > MAX_DIGITS:
+        raise NotRepresentable(
+            f"a whole number has at most {MAX_DIGITS} digits, this one has {len(digits.lstrip('+-'))}"
+        )
+    return int(digits, base)
+
+
+def _finite(text: str) -> int | float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise NotRepresentable("it is too large")
+    # 2.0 is the whole number 2, as JSON Schema has it.
+    return int(value) if value.is_integer() and abs(value) < 10**MAX_DIGITS else value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +151,7 @@ class _Pass:
     def run(self, parser: Any) -> ParsedText:
         # NOTE: long and flat on purpose. Every call saved here is 40,000 calls saved for 1,000 components.
         get_event, stack, resolve = parser.get_event, self.stack, plain_scalar
-        may_be_more, most_nodes, longest = MAY_BE_MORE, MAX_NODES, MAX_SCALAR
+        may_be_more, most_nodes, longest = _MAY_BE_MORE, MAX_NODES, MAX_SCALAR
         starts, ends = self.spans.starts, self.spans.ends
         begins, stops = starts.append, ends.append
         may_have_marks = "!" in self.source.text or "&" in self.source.text

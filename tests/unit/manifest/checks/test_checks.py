@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.manifest.checks.secrets import is_reference
+from rarms_iac.manifest.checks.hosts import is_reference
 from rarms_iac.model.host import Host, HypervHost, LinuxHost, ProviderKind
 from rarms_iac.model.system import Component, HypervPartition, PartitionRequest, RunsOn, System
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_simulation, a_system, a_task

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from rarms_iac.manifest.load import load_system
+from rarms_iac.manifest.text.events import NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.reading import MAX_BYTES, read_text
-from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.tree import ManifestPlaces, dotted
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
 
