@@ -116,14 +116,16 @@ def _kind_of(error: StructureError) -> str:
             return "a list"
 
 
-def _facts(error: StructureError) -> dict[str, Any]:
-    return {"path": error.name, "value": _fact(error.value)}
-
-
 def _fact(value: Any) -> str | bool | int | float:
     if isinstance(value, str):
         return value[:60]
     return value if isinstance(value, bool | int | float) else _show(value)
+
+
+def _wrong(error: StructureError, template: str, advice: str, **facts: Any) -> Diagnostic:
+    """Return a wrong value; its path, its kind and the value itself are facts of every template."""
+    about: dict[str, Any] = {"_it": _show_written(error), "_kind": _kind_of(error)}
+    return WRONG_VALUE.at(error.place, template, advice, path=error.name, value=_fact(error.value), **about, **facts)
 
 
 def _unknown_key(error: StructureError) -> Diagnostic:
@@ -173,36 +175,16 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
         advice = f'Put it into quotes: "{_show_written(error)}".'
     elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
         advice = f"Take away the quotes: {error.value}."
-    return WRONG_VALUE.at(
-        error.place,
-        "{path} must be {needed}, but it is {_kind_of}.",
-        advice,
-        needed=needed,
-        _kind_of=_kind_of(error),
-        **_facts(error),
-    )
+    return _wrong(error, "{path} must be {needed}, but it is {_kind}.", advice, needed=needed)
 
 
 def _choice(error: StructureError) -> Diagnostic:
-    return _choice_finding(error, error.path, error.value)
-
-
-def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic:
-    known = choices_at(path)
-    maps = tuple(f"a map with the key {key}" for key in keys_of_map(path))
+    known = choices_at(error.path)
+    maps = tuple(f"a map with the key {key}" for key in keys_of_map(error.path))
+    meant = question(did_you_mean(error.value, known) if isinstance(error.value, str) else None)
     allowed = in_a_row((*known, *maps), "or")
-    meant = question(did_you_mean(value, known) if isinstance(value, str) else None)
-    advice = meant or f"Write {_maps_with(path, value) or allowed}."
-    detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
-    return WRONG_VALUE.at(
-        error.places.value(*path),
-        "{_detail}",
-        advice,
-        path=dotted(path),
-        value=_fact(value),
-        allowed=tuple(map(str, known)),
-        _detail=detail,
-    )
+    advice = meant or f"Write {_maps_with(error.path, error.value) or allowed}."
+    return _wrong(error, "{path} is {_it}. It must be {_allowed}.", advice, allowed=known, _allowed=allowed)
 
 
 MOST_MAPS = 3
@@ -223,34 +205,31 @@ def _maps_with(path: Path, value: Any) -> str:
 def _tag(error: StructureError) -> Diagnostic:
     """Return an alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
-        detail = f"{error.name} must be a map, but it is {_kind_of(error)}."
-        return WRONG_VALUE.at(
-            error.place, "{_detail}", "Write a map with the key kind.", _detail=detail, **_facts(error)
-        )
+        return _wrong(error, "{path} must be a map, but it is {_kind}.", "Write a map with the key kind.")
     path = (*error.path, "kind")
-    if "kind" not in error.value:
-        advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
-        return MISSING.at(error.places.value(*path), "{path} needs the key kind.", advice, path=error.name, key="kind")
-    return _choice_finding(error, path, error.value["kind"])
+    if "kind" in error.value:
+        return _choice(replace(error, path=path, value=error.value["kind"]))
+    advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
+    return MISSING.at(error.places.value(*path), "{path} needs the key kind.", advice, path=error.name, key="kind")
 
 
 def _quantity(error: StructureError) -> Diagnostic:
     units: tuple[str, ...] = error.facts["units"]
-    fitting, word = in_a_row(units, "or"), error.facts["also"]
+    word = error.facts["also"]
     example = " or ".join(error.facts["examples"]) + (f", or the word {word}" if word else "")
-    advice = f"Write a number with the unit {fitting}. Example: {example}."
+    template, better = "{path} is {_it}{_problem}.", ""
+    problem = ", a number without a unit"
     match error.value:
         case bool() | None | dict() | list():
-            detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error)}."
+            template = "{path} must be a number with a unit, but it is {_kind}."
         case int() | float():
-            detail = f"{error.name} is {_show_written(error)}, a number without a unit."
-            advice = _amount_meant(_show_written(error), units) or advice
+            better = _amount_meant(_show_written(error), units)
         case text:
             problem, better = _quantity_problem(str(text), units, positive=error.facts["positive"])
-            detail = f"{error.name} is {_show(text)}{problem}."
             meant = did_you_mean(str(text), (word,)) if word else None
-            advice = question(meant) or better or advice
-    return WRONG_VALUE.at(error.place, "{_detail}", advice, units=units, _detail=detail, **_facts(error))
+            better = question(meant) or better
+    advice = better or f"Write a number with the unit {in_a_row(units, 'or')}. Example: {example}."
+    return _wrong(error, template, advice, units=units, _problem=problem)
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
@@ -299,15 +278,8 @@ def _pattern(error: StructureError) -> Diagnostic:
     better = _as_name(str(error.value)) if pattern == NAME_PATTERN else None
     around = dotted(error.path[:-1]) if error.is_key else error.name
     prefix = f"{around}: " if around else ""
-    return WRONG_VALUE.at(
-        error.place,
-        "{_prefix}{_show} is not {kind}.",
-        f"{form} {question(better)}".rstrip(),
-        _prefix=prefix,
-        _show=_show(error.value),
-        kind=kind,
-        **_facts(error),
-    )
+    advice = f"{form} {question(better)}".rstrip()
+    return _wrong(error, "{_prefix}{_it} is not {kind}.", advice, kind=kind, _prefix=prefix)
 
 
 def not_a_robot(file: str, robot: str) -> Diagnostic:
@@ -333,34 +305,23 @@ def _as_name(text: str) -> str | None:
 def _range(error: StructureError) -> Diagnostic:
     bound = "at least" if error.kind == "greater_than_equal" else "at most"
     limit = error.facts.get("ge", error.facts.get("le"))
-    detail = f"{error.name} is {_show_written(error)}. It must be {bound} {limit}."
-    return WRONG_VALUE.at(error.place, "{_detail}", describe(error.path), limit=limit, _detail=detail, **_facts(error))
+    template = "{path} is {_it}. It must be {_bound} {limit}."
+    return _wrong(error, template, describe(error.path), limit=limit, _bound=bound)
 
 
 def _empty(error: StructureError) -> Diagnostic:
     is_text = error.kind == "string_too_short"
-    detail = f"{error.name} is an empty text." if is_text else f"{error.name} is empty. It needs at least one entry."
-    return WRONG_VALUE.at(
-        error.place,
-        "{_detail}",
-        describe(error.path) or "Write one, or remove the key.",
-        path=error.name,
-        _detail=detail,
-    )
+    template = "{path} is an empty text." if is_text else "{path} is empty. It needs at least one entry."
+    return _wrong(error, template, describe(error.path) or "Write one, or remove the key.")
 
 
 def _exactly_one(error: StructureError) -> Diagnostic:
     names = error.facts["names"].split()
     written = [name for name in names if name in error.value]
-    choice = in_a_row(names, "or")
     if not written:
+        advice = f"Write {in_a_row(names, 'or')}."
         return MISSING.at(
-            error.place,
-            "{path} needs one of the keys {_choice}.",
-            f"Write {choice}.",
-            path=error.name,
-            keys=tuple(names),
-            _choice=choice,
+            error.place, "{path} needs one of the keys {keys:or}.", advice, path=error.name, keys=tuple(names)
         )
     return UNKNOWN_KEY.at(
         error.places.key(*error.path, written[-1]),
@@ -373,23 +334,11 @@ def _exactly_one(error: StructureError) -> Diagnostic:
 
 def _together(error: StructureError) -> Diagnostic:
     key, needs = error.facts["key"], error.facts["needs"]
+    facts = {"path": error.name, "key": key, "needs": needs}
     if error.facts["missing"]:
-        return MISSING.at(
-            error.place,
-            "{path} has {needs}, so it needs the key {key}.",
-            f"Write {key}.",
-            path=error.name,
-            key=key,
-            needs=needs,
-        )
-    return UNKNOWN_KEY.at(
-        error.places.key(*error.path, key),
-        "{path} has {key}, which has an effect only with {needs}.",
-        f"Write {needs}, or remove {key}.",
-        path=error.name,
-        key=key,
-        needs=needs,
-    )
+        return MISSING.at(error.place, "{path} has {needs}, so it needs the key {key}.", f"Write {key}.", **facts)
+    place, template = error.places.key(*error.path, key), "{path} has {key}, which has an effect only with {needs}."
+    return UNKNOWN_KEY.at(place, template, f"Write {needs}, or remove {key}.", **facts)
 
 
 def _index(error: StructureError) -> Diagnostic:
@@ -445,16 +394,13 @@ def _foreign_block(error: StructureError) -> Diagnostic:
 
 
 def _no_such_day(error: StructureError) -> Diagnostic:
-    detail = f"{error.name} is {error.value}. There is no such day."
-    return WRONG_VALUE.at(error.place, "{_detail}", "Check the month and the day.", _detail=detail, **_facts(error))
+    return _wrong(error, "{path} is {value}. There is no such day.", "Check the month and the day.")
 
 
 def _not_read(error: StructureError) -> Diagnostic:
     """Return an error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
-    return WRONG_VALUE.at(
-        error.place, "{path} cannot be {_show_written}.", advice, _show_written=_show_written(error), **_facts(error)
-    )
+    return _wrong(error, "{path} cannot be {_it}.", advice)
 
 
 _WRONG_KEYS = {"extra_forbidden", "rarms_index"}
