@@ -166,7 +166,7 @@ def test_garbage_over_ssh_is_not_a_request(server: Remote) -> None:
 
         ready, answer = ended.stdout.decode("ascii").splitlines()
         assert (ended.returncode, ready) == (1, READY)
-        assert "the request cannot be read" in json.loads(answer)["failure"]["findings"][0]["detail"]
+        assert "the request cannot be read" in json.loads(answer)["findings"][0]["detail"]
 
 
 def test_robot_with_key_refuses_unsigned_plans_and_runs(
