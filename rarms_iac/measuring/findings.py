@@ -19,7 +19,7 @@ from rarms_iac.measuring.evidence import MeasuredIndex, idle_share, measured_ind
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
@@ -143,7 +143,7 @@ def failed_samples(
         setting=setting,
         allowed=failed.allowed,
         reasons=reasons,
-        _why_out_of_memory=why_out_of_memory(failed),
+        _why_out_of_memory=why_out_of_memory(failed.out_of_memory),
         **values,
     )
 
@@ -446,91 +446,58 @@ SAME_TIMES = 0.1
 
 MORE_MEMORY = "Raise `memory` of the component or of its partition, and try again."
 
-_ADVICE = (
-    'Start the work in the partition: a container with --cgroup-parent "$RARMS_CGROUP_PARENT", a unit of systemd with '
-    "--slice. If these are other programs, stop them and try again."
-)
 
-
-def work_outside(
-    members: Sequence[str], outside: Iterable[OutsideWork], place: Place | None, address: str
-) -> Iterator[Diagnostic]:
-    """Find the processes outside of the partitions that worked while components ran.
-
-    Args:
-        outside: From the evidence of settings; entries of one process and group are added up.
-    """
-    found = add_up(replace(each, group=_ID.sub("*", each.group)) for each in outside)
-    if not found:
-        return
-    escaped = [work for work in found if work.component]
-    others = [work for work in found if not work.component]
-    sentences = []
-    if escaped:
-        names = in_a_row(sorted({work.component for work in escaped}))
-        sentences.append(f"Processes of {names} left their group: {'; '.join(map(_described, escaped))}.")
-    if others:
-        sentences.append(
-            f"While {in_a_row(members)} ran, processes outside used more processor time: "
-            f"{'; '.join(map(_described, others))}. The reservation does not reach them."
-        )
-    yield WORK_OUTSIDE.at(
-        place,
-        "{_sentences}",
-        _ADVICE,
-        address=address,
-        components=tuple(members),
-        processes=tuple(work.name for work in found),
-        groups=tuple(work.group for work in found),
-        outside_cpu_ms=sum(work.cpu_ms for work in found),
-        _sentences=" ".join(sentences),
-    )
-
-
-def why_out_of_memory(failed: TooManyFailures) -> str:
-    """Explain that the kernel killed processes of a failed component.
-
-    Returns:
-        A space and a sentence; empty: it killed none.
-    """
-    return f" {_kills(failed.out_of_memory)}" if failed.out_of_memory else ""
-
-
-def memory_kills(killed: Mapping[str, int], places: Places) -> Iterator[Diagnostic]:
-    """Find components with processes that the kernel killed.
-
-    Args:
-        killed: Number of killed processes, by component.
-    """
-    for component, count in sorted(killed.items()):
-        yield MEMORY_KILLS.at(
-            places.key("components", component),
-            "{component}: {_kills}",
-            MORE_MEMORY,
-            address=f"component/{component}",
-            component=component,
-            killed_for_memory=count,
-            _kills=_kills(count),
-        )
-
-
-def _kills(count: int) -> str:
-    killed = "1 process" if count == 1 else f"{count} processes"
-    return f"The kernel killed {killed} of its partition, because the partition's memory was used up."
+def why_out_of_memory(killed: int) -> str:
+    """Say that the kernel killed so many processes of a component; empty: it killed none."""
+    processes = "1 process" if killed == 1 else f"{killed} processes"
+    why = f" The kernel killed {processes} of its partition, because the partition's memory was used up."
+    return why if killed else ""
 
 
 def work_of_evidence(names: Sequence[str], evidence: Sequence[SettingEvidence], places: Places) -> Iterator[Diagnostic]:
     """Find work outside of the components' groups, and processes killed for memory.
 
     Args:
-        evidence: Counts of the host, of each setting or start.
+        evidence: Counts of the host, of each setting or start; entries of one process and group are added up.
     """
-    outside = [work for each in evidence for work in each.outside]
-    yield from work_outside(names, outside, places.key("components", names[0]), f"component/{names[0]}")
+    found = add_up(replace(work, group=_ID.sub("*", work.group)) for each in evidence for work in each.outside)
+    escaped = [work for work in found if work.component]
+    others = [work for work in found if not work.component]
+    sentences = []
+    if escaped:
+        left = in_a_row(sorted({work.component for work in escaped}))
+        sentences.append(f"Processes of {left} left their group: {'; '.join(map(_described, escaped))}.")
+    if others:
+        sentences.append(
+            f"While {in_a_row(names)} ran, processes outside used more processor time: "
+            f"{'; '.join(map(_described, others))}. The reservation does not reach them."
+        )
+    if found:
+        yield WORK_OUTSIDE.at(
+            places.key("components", names[0]),
+            "{_sentences}",
+            'Start the work in the partition: a container with --cgroup-parent "$RARMS_CGROUP_PARENT", a unit of '
+            "systemd with --slice. If these are other programs, stop them and try again.",
+            address=f"component/{names[0]}",
+            components=tuple(names),
+            processes=tuple(work.name for work in found),
+            groups=tuple(work.group for work in found),
+            outside_cpu_ms=sum(work.cpu_ms for work in found),
+            _sentences=" ".join(sentences),
+        )
     killed = Counter[str]()
     for each in evidence:
         killed.update(each.out_of_memory)
-    yield from memory_kills(killed, places)
+    for component, count in sorted(killed.items()):
+        yield MEMORY_KILLS.at(
+            places.key("components", component),
+            "{component}:{_kills}",
+            MORE_MEMORY,
+            address=f"component/{component}",
+            component=component,
+            killed_for_memory=count,
+            _kills=why_out_of_memory(count),
+        )
 
 
 def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places: Places) -> Iterator[Diagnostic]:

@@ -19,7 +19,7 @@ from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import failed_samples, memory_kills, work_outside
+from rarms_iac.measuring.findings import failed_samples, work_of_evidence
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -28,7 +28,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample, Series, SkippedLines
-from rarms_iac.model.setting import OutsideWork
+from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
@@ -55,14 +55,28 @@ _WHY_SAMPLES_FAIL = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentRunResult:
-    """A component that was run, and what it showed."""
+    """A component that was run, and what it showed: a setting without a reservation."""
 
     component: Internal[Component]
     run: Internal[Run]
-    series: Series
+    setting: Internal[Setting]  # with the component's series alone; its evidence is that of all that ran at once
     ending: SamplingEnd
-    skipped_lines: SkippedLines = SkippedLines()
-    killed_for_memory: Internal[int] = 0  # so many of its processes the kernel killed, whose group had no memory left
+
+    @output
+    def series(self) -> Series:
+        """All of its samples."""
+        (series,) = self.setting.series
+        return series
+
+    @output
+    def skipped_lines(self) -> SkippedLines:
+        """Lines of its output that are not samples."""
+        return self.evidence.skipped_lines.get(self.component.name, SkippedLines())
+
+    @property
+    def evidence(self) -> SettingEvidence:
+        """What was counted while it ran."""
+        return self.setting.evidence or SettingEvidence()
 
     @output
     def apt(self) -> Mapping[str, Threshold]:
@@ -100,6 +114,9 @@ class RunOutcome:
 
 
 _LOOK_EVERY_S = 0.25
+
+UNRESERVED = 0
+"""The reservation of a setting in which components run beside everything else on the machine, in per cent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,9 +192,9 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
-                group_results, outside = _run_group(group, base, places, load, listener)
-                results += group_results
-                findings += _work_outside(manifest, group_results, outside)
+                ran = _run_group(group, base, places, load, listener)
+                results += ran
+                findings += work_of_evidence([each.component.name for each in ran], [ran[0].evidence], manifest.places)
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)
@@ -281,7 +298,8 @@ def _run_group(
     places: Mapping[str, ProcessPlace],
     load: InterferingLoad | None,
     reporter: SampleReporter,
-) -> tuple[list[ComponentRunResult], tuple[OutsideWork, ...]]:
+) -> list[ComponentRunResult]:
+    """Run components at once, as a setting without a reservation."""
     looked, began = WorkPlaces(folder for place in places.values() for folder in place.groups), time.perf_counter()
     runs = [
         ComponentRun(component.name, run, StartContext(base=base, inside=places[component.name]))
@@ -296,20 +314,25 @@ def _run_group(
             if load is not None:
                 load.check()
             reporter.sample(name, numbers[name], sample)
+    elapsed_ms = 1000 * (time.perf_counter() - began)
+    evidence = SettingEvidence(
+        elapsed_ms=elapsed_ms,
+        skipped_lines={run.component: run.skipped for run in runs if run.skipped.count},
+        outside=looked.outside([run.place for run in runs], elapsed_ms),
+        out_of_memory={run.component: killed for run in runs if (killed := run.killed_for_memory)},
+    )
     results = [
         ComponentRunResult(
             component=component,
             run=run,
-            series=process.series(),
+            setting=Setting(reserve=UNRESERVED, series=(process.series(),), evidence=evidence),
             ending=process.ending,
-            skipped_lines=process.skipped,
-            killed_for_memory=process.killed_for_memory,
         )
         for (component, run), process in zip(group, runs, strict=True)
     ]
     for result, process in zip(results, runs, strict=True):
         reporter.ended(result, process.tail)
-    return results, looked.outside([run.place for run in runs], 1000 * (time.perf_counter() - began))
+    return results
 
 
 @contextmanager
@@ -331,14 +354,6 @@ def _looking(looked: WorkPlaces, runs: Sequence[ComponentRun]) -> Iterator[None]
         thread.join()
 
 
-def _work_outside(
-    manifest: Manifest, results: Sequence[ComponentRunResult], outside: Sequence[OutsideWork]
-) -> Iterator[Diagnostic]:
-    names = [result.component.name for result in results]
-    place = manifest.places.key("components", names[0])
-    return work_outside(names, outside, place, f"component/{names[0]}")
-
-
 def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved: bool) -> Iterator[Diagnostic]:
     """Report what is wrong with a run.
 
@@ -349,14 +364,12 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
         Too many failed samples, or each APT that is missed although nothing was reserved.
     """
     name, places = result.component.name, manifest.places
-    if result.killed_for_memory:
-        yield from memory_kills({name: result.killed_for_memory}, places)
     if result.ending is SamplingEnd.FAILURES:
         failed = TooManyFailures(
             component=name,
             failures=tuple(sample.failure for sample in result.series.samples if sample.failure),
             allowed=result.run.failures,
-            out_of_memory=result.killed_for_memory,
+            out_of_memory=result.evidence.out_of_memory.get(name, 0),
         )
         yield failed_samples(failed, "on this machine", places, advice=_WHY_SAMPLES_FAIL)
         return

@@ -390,7 +390,7 @@ class Experiments:
                 others = ", ".join(member for member in members if member != component)
                 raise (LacksMemory if failed.out_of_memory else Unanswered)(
                     f"{counted(len(failures), 'sample')} of {component} failed, together with {others} "
-                    f"at {reserve} % of its VPs: {failures[0]}.{why_out_of_memory(failed)}"
+                    f"at {reserve} % of its VPs: {failures[0]}.{why_out_of_memory(failed.out_of_memory)}"
                 )
             case _:
                 pass
