@@ -326,7 +326,7 @@ def test_what_was_measured_is_applied_and_proven(
     routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"])
     assert [main(words) for words in routes] == [0, 0, 0], capsys.readouterr()
 
-    assert "94 ms     met" in capsys.readouterr().out  # 20 ms of work on 21 % of a processor
+    assert "94 ms  busy-loop  met" in capsys.readouterr().out  # 20 ms of work on 21 % of a processor
     assert [(vm.name, vm.reserve) for vm in host.vms.values()] == [("vision", 21)]
     assert not any(process.alive for process in host.processes)
 
