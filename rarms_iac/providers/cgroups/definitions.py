@@ -17,7 +17,7 @@ from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import APPLY, START_AT_BOOT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host
-from rarms_iac.model.operations import CreatePartition, EraseMark, RenamePartition, RestorePartition, Set, WriteMark
+from rarms_iac.model.operations import CreatePartition, RestorePartition
 from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RunState, State
 from rarms_iac.model.wording import counted
 from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
@@ -77,8 +77,6 @@ def others_running(machine: str, state: State) -> list[PartitionSettings]:
 
 
 Format = Literal["rarms-partition/1"]
-SettingOperation = Set | RenamePartition | WriteMark | EraseMark
-"""Operations that change a definition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

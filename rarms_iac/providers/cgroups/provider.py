@@ -12,6 +12,7 @@ from rarms_iac.model.facets import FACETS, Facet, Readings
 from rarms_iac.model.host import Host
 from rarms_iac.model.operations import (
     CreatePartition,
+    MachineOperation,
     Operation,
     RemoveDisk,
     RemovePartition,
@@ -29,7 +30,6 @@ from rarms_iac.providers.cgroups.definitions import (
     DefinitionFiles,
     GroupDefinition,
     RunningGroup,
-    SettingOperation,
     foreign_definition,
     is_running,
     lack_of_room,
@@ -52,9 +52,6 @@ from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost
 from rarms_iac.providers.machines import changed, lack_of_memory
 from rarms_iac.running.kernel_files import UnreadableFile
-
-GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
-"""Operations on a partition that exists."""
 
 STATE_FOLDER = Path("/var/lib/rarms")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
@@ -248,7 +245,7 @@ class LinuxHostProvider(JournaledHost):
             raise self._plan_again(f"{definition.settings.name} cannot be made: {problem}")
         self._definitions.save(definition)
 
-    def _change(self, definition: GroupDefinition, operation: GroupOperation, state: State) -> None:
+    def _change(self, definition: GroupDefinition, operation: MachineOperation, state: State) -> None:
         match operation:
             case StartPartition():
                 self._start(definition, state)
