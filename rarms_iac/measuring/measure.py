@@ -15,7 +15,6 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.declared_hosts import partitions_without_log, totals_at_hand
 from rarms_iac.app.hosts import Hosts, host_errors
-from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import hold_data_log, log_errors
 from rarms_iac.app.report_measurements import component_verdicts, missing_on
 from rarms_iac.app.report_model import ComponentVerdict
@@ -33,7 +32,7 @@ from rarms_iac.measuring.measure_request import (
     refuses_weak_loads,
     weak_answer,
 )
-from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.run_experiment import (
     by_partition,
@@ -43,19 +42,16 @@ from rarms_iac.measuring.run_experiment import (
     measure_with_each_load,
     stop_what_is_in_the_way,
 )
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, short_secrets_of, starting_again
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.strategies import Method
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal
-from rarms_iac.model.system import Component
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
-from rarms_iac.storage.codec import decode
 from rarms_iac.storage.datalog.files import append_remeasurement, end_remeasurement
 from rarms_iac.storage.datalog.log import Remeasurement
 
@@ -178,9 +174,8 @@ def _measure_there(
     listener = ExperimentListener(hosts=hosts, host=name, control=control)
     members = dict.fromkeys(member for experiment in experiments for member in experiment.setup.members)
     loads = dict.fromkeys(experiment.setup.interference for experiment in experiments)
-    answer = ask_robot(listener, "measure", request, components=members, loads=loads)
-    with readable_answer(name):
-        return replace(decode(MeasureOutcome, answer), experiments=tuple(listener.results))
+    answer = ask_robot(listener, "measure", request, MeasureOutcome, components=members, loads=loads)
+    return replace(answer, experiments=tuple(listener.results))
 
 
 def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment]) -> MeasureOutcome:
@@ -204,7 +199,8 @@ def _measure_all(
     groups, begun = by_partition(experiments), 0
     method = method_of(request)
     results: list[ExperimentResult] = []
-    findings = [*unaccepted_short_secrets(hosts.manifest, _real_components(hosts, experiments))]
+    started = [(experiment.host, name) for experiment in experiments for name in experiment.setup.members]
+    findings = [*short_secrets_of(hosts.manifest, started)]
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]
@@ -258,17 +254,6 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
     places = hosts.manifest.places
     yield from findings_of(answer.experiment, answer.conclusion, answer.settings, places)
     yield from work_of_settings(answer.experiment, [each for loads in of_loads for each in loads.settings], places)
-
-
-def _real_components(hosts: Hosts, experiments: Sequence[Experiment]) -> Sequence[Component]:
-    """Return the components of the experiments that run as processes, each once."""
-    names = dict.fromkeys(
-        name
-        for experiment in experiments
-        if experiment.host.provider is not ProviderKind.SIMULATED
-        for name in experiment.setup.members
-    )
-    return [hosts.system.components[name] for name in names]
 
 
 def record_reservations(hosts: Hosts) -> None:

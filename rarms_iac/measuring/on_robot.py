@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from rarms_iac.app.control import Control, MeasuringReporter
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
@@ -23,13 +23,15 @@ from rarms_iac.model.host import Connect
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed, RobotListener
 from rarms_iac.providers.robot import LINE_LIMIT
-from rarms_iac.storage.codec import Json, NotDecodable, encode
+from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.reading import read_file
 
 OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
+
+Answer = TypeVar("Answer")
 
 REPORTS, SETTINGS, SAMPLES, TUNING = "reports", "settings", "samples", "tuning"
 """The reporters of this side, as calls name them."""
@@ -135,9 +137,15 @@ class ExperimentListener(RobotReports):
 
 
 def ask_robot(
-    listener: ExperimentListener, command: str, request: object, *, components: Iterable[str], loads: Iterable[str]
-) -> Json:
-    """Have a robot do an experiment, and return the encoded result of its use case.
+    listener: ExperimentListener,
+    command: str,
+    request: object,
+    answer: type[Answer],
+    *,
+    components: Iterable[str],
+    loads: Iterable[str],
+) -> Answer:
+    """Have a robot do an experiment, and return the result of its use case.
 
     Args:
         command: `measure`, `tune`, `prove` or `run`.
@@ -145,7 +153,8 @@ def ask_robot(
         loads: names of the loads whose files must be equal on both sides.
 
     Raises:
-        UseCaseError: the robot cannot be asked or `connect` has no folder (failed); or its use case raised one.
+        UseCaseError: the robot cannot be asked, `connect` has no folder, or the result cannot be read (failed); or its
+            use case raised one.
     """
     hosts, host, control = listener.hosts, listener.host, listener.control
     logs, system = logs_below(hosts.folder), hosts.system
@@ -170,7 +179,11 @@ def ask_robot(
     robot = hosts.robot(host)
     assert robot is not None, "only robots are asked"
     with host_errors(), control.stop.gently():
-        return robot.ask(command, encode(job), RobotListener(reporters=reporters, should_stop=control.stop.should_stop))
+        encoded = robot.ask(
+            command, encode(job), RobotListener(reporters=reporters, should_stop=control.stop.should_stop)
+        )
+    with readable_answer(host):
+        return decode(answer, encoded)
 
 
 @contextmanager

@@ -7,7 +7,6 @@ from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, option, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
@@ -16,7 +15,7 @@ from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, 
 from rarms_iac.measuring.duration import forecast_line
 from rarms_iac.measuring.findings import OCCUPIED, UNABLE, proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
-from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
 from rarms_iac.measuring.proof import (
     STARTS,
@@ -30,7 +29,7 @@ from rarms_iac.measuring.proof import (
     prove,
     with_samples,
 )
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run, short_secrets_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -38,11 +37,10 @@ from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, System
+from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.storage.codec import decode
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
@@ -123,11 +121,13 @@ def prove_layout(
         return ProveOutcome(proofs=(), findings=(), stopped=True)
     with hold_configuration_logs(hosts.folder), log_errors():
         _record(hosts, proofs, states)
+    system_hosts = hosts.system.hosts
+    started = [(system_hosts[name], each.name) for name, layout in layouts.items() for each in layout.components]
     proven = {name for layout in layouts.values() for name in layout.partitions}
     return ProveOutcome(
         proofs=tuple(proofs),
         findings=(
-            *unaccepted_short_secrets(hosts.manifest, _real_components(hosts, layouts)),
+            *short_secrets_of(hosts.manifest, started),
             *proof_findings(hosts, proofs, everywhere, load_host=request.load_host),
             *_work_findings(hosts, proofs),
         ),
@@ -159,9 +159,7 @@ def _prove_there(hosts: Hosts, request: ProveRequest, control: Control) -> Prove
     follower = ExperimentListener(hosts=hosts, host=name, control=control)
     components = (each.name for each in hosts.system.components.values() if each.may_run_on(name))
     loads = loads_to_prove(hosts.system, request)
-    answer = ask_robot(follower, "prove", request, components=components, loads=loads)
-    with readable_answer(name):
-        return decode(ProveOutcome, answer)
+    return ask_robot(follower, "prove", request, ProveOutcome, components=components, loads=loads)
 
 
 def _layouts_to_prove(
@@ -293,13 +291,6 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
         error=verdict.error,
         samples_needed=verdict.samples_needed,
     )
-
-
-def _real_components(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> Iterator[Component]:
-    """Yield the components that ran as processes."""
-    for name, layout in layouts.items():
-        if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:
-            yield from layout.components
 
 
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:

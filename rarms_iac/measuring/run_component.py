@@ -20,7 +20,7 @@ from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unk
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring.findings import failed_samples, work_of_evidence
-from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot, readable_answer
+from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, TooManyFailures, Verdict
@@ -40,7 +40,6 @@ from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
-from rarms_iac.storage.codec import decode
 
 CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 
@@ -237,9 +236,7 @@ def run_components_of(
     refuse_unknown(loads, hosts.system.interference, "interference")
     reporters = {SAMPLES: (SampleReporter, reporter or SampleReporter())}
     listener = ExperimentListener(hosts=hosts, host=robots[0], control=control, reporters=reporters)
-    answer = ask_robot(listener, "run", request, components=chosen, loads=loads)
-    with readable_answer(robots[0]):
-        return decode(RunOutcome, answer)
+    return ask_robot(listener, "run", request, RunOutcome, components=chosen, loads=loads)
 
 
 def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:

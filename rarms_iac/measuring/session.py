@@ -13,6 +13,7 @@ from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts, host_errors, refuse_unfinished, run_origin
+from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.execute import apply_plan
@@ -27,7 +28,7 @@ from rarms_iac.model.capacity import capacity_of, fits
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.host import Host, SimulatedHost
+from rarms_iac.model.host import Host, ProviderKind, SimulatedHost
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.operations import StartPartition, StopPartition, WriteMark
 from rarms_iac.model.plan import Purpose, Scope
@@ -99,6 +100,16 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
             if isinstance(settings, SimulatedHost) and settings.smt:
                 session.control.reporter.message(f"{name}: {UNMODELLED_SMT}")
         yield replace(session, held_hosts=held)
+
+
+def short_secrets_of(manifest: Manifest, started: Iterable[tuple[Host, str]]) -> tuple[Diagnostic, ...]:
+    """Return the findings on short secrets of components that run as processes: those of no simulated host.
+
+    Args:
+        started: Hosts with the names of the components that run on them.
+    """
+    names = dict.fromkeys(name for host, name in started if host.provider is not ProviderKind.SIMULATED)
+    return unaccepted_short_secrets(manifest, [manifest.system.components[name] for name in names])
 
 
 def refuse_what_cannot_run(

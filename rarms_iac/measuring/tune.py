@@ -8,14 +8,19 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_files import FileEdit, edit_partitions, emptied_partitions, text_of, write_edits
-from rarms_iac.app.manifests import unaccepted_short_secrets
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.requests import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.measure import record_reservations
 from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, starting_again, stopped_to_measure
+from rarms_iac.measuring.session import (
+    MeasuringSession,
+    hold_measuring_hosts,
+    short_secrets_of,
+    starting_again,
+    stopped_to_measure,
+)
 from rarms_iac.measuring.tuning_subject import (
     Experiments,
     TuningConclusion,
@@ -27,7 +32,6 @@ from rarms_iac.measuring.tuning_subject import (
 )
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
@@ -40,7 +44,7 @@ from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
 from rarms_iac.planner.packing.values import least_cost
 from rarms_iac.planner.problem import solve
-from rarms_iac.storage.codec import NotDecodable, decode
+from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 
@@ -152,9 +156,8 @@ def _tune_there(hosts: Hosts, host: str, request: TuneRequest, control: Control,
     reporters = {TUNING: (TuningPrompt, prompt)}
     listener = ExperimentListener(hosts=hosts, host=host, control=control, reporters=reporters)
     system = hosts.system
-    answer = ask_robot(listener, "tune", request, components=system.components, loads=system.interference)
+    tuned = ask_robot(listener, "tune", request, TunedThere, components=system.components, loads=system.interference)
     with readable_answer(host):
-        tuned = decode(TunedThere, answer)
         if not set(tuned.texts) <= set(before):
             raise NotDecodable("texts", "a file is not of the manifest")
     write_edits([FileEdit(file=file, before=before[file], after=text) for file, text in tuned.texts.items()])
@@ -195,10 +198,9 @@ def tune_here(
 
 def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Sequence[FileEdit]) -> TuningResult:
     places, host = hosts.manifest.places, end.subject.host
-    started = () if host.provider is ProviderKind.SIMULATED else end.subject.cois
-    components = (hosts.system.components[name] for coi in started for name in coi.members)
+    started = [(host, name) for coi in end.subject.cois for name in coi.members]
     findings = (
-        *unaccepted_short_secrets(hosts.manifest, components),
+        *short_secrets_of(hosts.manifest, started),
         *tuning_findings(end, request.strategy, places),
         *(_still_too_much(hosts, end) if edits else ()),
     )
