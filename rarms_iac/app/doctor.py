@@ -8,18 +8,19 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from enum import Enum
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.applying.doctor import examine
-from rarms_iac.applying.shared_machines import hosts_of_one_machine
+from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
-from rarms_iac.model.host import Connect, ProviderKind, SchedulerType, WinRmConnect
+from rarms_iac.model.host import Connect, WinRmConnect
 from rarms_iac.model.output import output
-from rarms_iac.model.seen_host import PolicyScope, SeenHost
-from rarms_iac.model.state import Rights, RunState, Tie
+from rarms_iac.model.seen_host import Condition, PolicyScope, SeenHost
+from rarms_iac.model.state import HostFacts, RunState, Tie
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.layout import smaller_host_findings
 from rarms_iac.providers.interface import ExaminableHost
@@ -114,50 +115,25 @@ _POLICIES: Mapping[str, ExecutionPolicy] = {
 Connection = Literal["snapshot", "here", "ssh", "winrm"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MachineCounts:
-    """How many machines a host has, of each sort."""
-
-    all: int
-    managed: int  # the application's
-    running: int
-    states: Mapping[RunState, int]
-    ties: Mapping[Tie, int]
-    marks_not_believed: int  # with a line of ours in their notes that does not count
-    marked_replicas: int  # of these, replicas: whether a replica has its primary's notes
-    mute: int  # they run, and their guests cannot be asked to shut down
+Known = str | bool | int | None
+"""A number, a truth or a word of ours; never a text of a host."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostSummary:
     """A host as it was looked at; null: it could not be asked, or is no such host."""
 
-    provider: ProviderKind
     connection: Connection
-    os_build: int
-    client: bool
-    scheduler: SchedulerType
-    smt: bool
-    logical_processors: int
-    memory: int  # bytes
-    memory_available: int | None  # bytes that machines can still have
-    rights: Rights
-    deadline_percent: int | None
+    seen: Mapping[str, Known]  # of its facts and its condition, by the names of their fields
+    memory_left: int | None  # bytes that machines can still have
     powershell: str | None  # version
     module: tuple[str, ...] | None  # versions of the Hyper-V module
-    bits: int | None
     policies: Mapping[PolicyScope, ExecutionPolicy]
-    role: bool | None
-    hypervisor_running: bool | None
-    counters: bool | None
-    elevated: bool | None
-    hyperv_administrator: bool | None
-    script_running: bool | None
-    seen_processors: int | None
-    numa_nodes: int | None
     responsiveness: int | None  # SystemResponsiveness, where it is set to a number
     unread: int  # questions and machines that had no answer
-    machines: MachineCounts
+    machines: Mapping[str, int]  # how many, of each sort
+    states: Mapping[RunState, int]  # of machines
+    ties: Mapping[Tie, int]
     findings: Mapping[str, int]  # how many of each code
 
 
@@ -189,38 +165,32 @@ def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
 
 
 def _host_summary(host: SeenHost, connection: Connection) -> HostSummary:
-    facts, condition = host.facts, host.condition
+    condition, machines = host.condition, host.state.partitions
     responsiveness = condition.responsiveness.data if condition.responsiveness else None
-    module = condition.module
     return HostSummary(
-        provider=facts.provider,
         connection=connection,
-        os_build=facts.os_build,
-        client=facts.client,
-        scheduler=facts.scheduler,
-        smt=facts.smt,
-        logical_processors=facts.logical_processors,
-        memory=facts.memory,
-        memory_available=host.memory_left,
-        rights=facts.rights,
-        deadline_percent=facts.deadline_percent,
+        seen={**_without_texts(host.facts), **_without_texts(condition)},
+        memory_left=host.memory_left,
         powershell=next(_versions([condition.powershell or ""]), None),
-        module=None if module is None else tuple(_versions(module)),
-        bits=condition.bits,
+        module=None if condition.module is None else tuple(_versions(condition.module)),
         policies=dict(_policies(condition.policies)),
-        role=condition.role,
-        hypervisor_running=condition.hypervisor_running,
-        counters=condition.counters,
-        elevated=condition.elevated,
-        hyperv_administrator=condition.hyperv_administrator,
-        script_running=condition.script_running,
-        seen_processors=condition.seen_processors,
-        numa_nodes=condition.numa_nodes,
         responsiveness=responsiveness if isinstance(responsiveness, int) else None,
         unread=len(condition.unread),
         machines=_machines(host),
+        states=Counter(machine.state for machine in machines),
+        ties=Counter(tie for machine in machines for tie in machine.ties),
         findings=_by_code(host.findings),
     )
+
+
+def _without_texts(value: HostFacts | Condition) -> Mapping[str, Known]:
+    """Return the fields that are a number, a truth or a word of ours: a text that is not of an enumeration is none."""
+    named = {part.name: getattr(value, part.name) for part in fields(value)}
+    return {
+        name: each.value if isinstance(each, Enum) else each
+        for name, each in named.items()
+        if isinstance(each, Enum | bool | int)
+    }
 
 
 def _connection(hosts: Hosts, name: str) -> Connection:
@@ -235,18 +205,17 @@ def _connection(hosts: Hosts, name: str) -> Connection:
             return "winrm"
 
 
-def _machines(host: SeenHost) -> MachineCounts:
-    partitions = host.state.partitions
-    return MachineCounts(
-        all=host.machines,
-        managed=host.managed,
-        running=host.running,
-        states=Counter(machine.state for machine in partitions),
-        ties=Counter(tie for machine in partitions for tie in machine.ties),
-        marks_not_believed=sum(bool(machine.foreign_mark) for machine in partitions),
-        marked_replicas=sum(bool(machine.foreign_mark) and Tie.REPLICA in machine.ties for machine in partitions),
-        mute=sum((machine.state is RunState.RUNNING and not machine.can_be_asked) for machine in partitions),
-    )
+def _machines(host: SeenHost) -> Mapping[str, int]:
+    machines = host.state.partitions
+    not_believed = [machine for machine in machines if machine.foreign_mark]
+    return {
+        "all": host.machines,
+        "managed": host.managed,
+        "running": host.running,
+        "marks_not_believed": len(not_believed),  # with a line of ours in their notes that does not count
+        "marked_replicas": sum(Tie.REPLICA in machine.ties for machine in not_believed),  # with a primary's notes
+        "mute": sum(machine.state is RunState.RUNNING and not machine.can_be_asked for machine in machines),
+    }
 
 
 def _by_code(findings: Iterable[Diagnostic]) -> Mapping[str, int]:

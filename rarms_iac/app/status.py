@@ -10,8 +10,8 @@ from rarms_iac.app.hosts import Hosts, host_errors, last_runs, observe_host
 from rarms_iac.app.report import compared_with_hosts, measured_report
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict, Report
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.applying.desired_hosts import totals_after
 from rarms_iac.applying.preconditions import marked_resources, no_rights
-from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command

@@ -5,10 +5,19 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.robot_runs import ApplyJob, RunJob, run_there, with_plan
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
-from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, combined_report, failed_run, run_steps
+from rarms_iac.applying.run_steps import (
+    UNATTENDED_RUN,
+    ApplyJob,
+    RunControl,
+    RunJob,
+    combined_report,
+    failed_run,
+    run_steps,
+    run_there,
+    with_plan,
+)
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic

@@ -13,15 +13,14 @@ from rarms_iac.applying.desired_hosts import (
     partitions_present,
     rules_of,
     threads_of,
+    totals_after,
 )
 from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
-from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest
+from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest, is_below, targeted, unknown_targets
+from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.applying.requested_changes import requested_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
-from rarms_iac.applying.shared_machines import hosts_of_one_machine
-from rarms_iac.applying.state_after import totals_after
-from rarms_iac.applying.targets import is_below, targeted, unknown_targets
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.drift import part_digests

@@ -1,14 +1,18 @@
-"""What `make_plan` is asked for: a manifest, a purpose, and the limits of the plan."""
+"""What `make_plan` is asked for: a manifest, a purpose, the limits of the plan, and what `--target` chooses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.manifest.load import Loaded
+from rarms_iac.model.changes import Change
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import ChosenLayout
 from rarms_iac.model.plan import PlanOrder, Purpose
+from rarms_iac.model.shared_findings import NO_TARGET
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
 
 
@@ -53,3 +57,42 @@ def findings_of_manifest(loaded: Loaded) -> tuple[Diagnostic, ...]:
     How many samples thresholds need is said by `rarms validate`.
     """
     return tuple(finding for finding in loaded.diagnostics if finding.code != TOO_FEW_SAMPLES.code)
+
+
+def is_below(address: str, targets: Sequence[str]) -> bool:
+    """Whether the address is one of the targets or lies below one; True without targets."""
+    return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
+
+
+def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change, ...]:
+    """Return the changes at and below the targets; all of them without targets."""
+    return tuple(change for change in changes if is_below(str(change.address), targets))
+
+
+def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
+    """Return a finding for each target at and below which there is none of the addresses: a slip of the pen."""
+    return tuple(
+        NO_TARGET.at(
+            None,
+            "`--target {target}`: nothing has this address or lies below it.{_suggestion}",
+            prose(
+                "Give an address such as partition/vision (",
+                command("plan", verbose=True),
+                " lists those that change), or leave the option out.",
+            ),
+            address=target,
+            target=target,
+            _suggestion=_suggestion(target, addresses),
+        )
+        for target in targets
+        if not any(is_below(address, [target]) for address in addresses)
+    )
+
+
+def _suggestion(target: str, addresses: Sequence[str]) -> str:
+    """Suggest a similar address; a name alone is looked for among partitions and task classes, too."""
+    words = [target, f"partition/{target}", f"task/{target}"]
+    for word in words:
+        if word in addresses:
+            return f' Did you mean "{word}"?'
+    return next((message for word in words if (message := suggestion(word, addresses))), "")

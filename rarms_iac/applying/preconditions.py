@@ -1,6 +1,7 @@
-"""Preconditions of planning for a host: rights to see its machines, a scheduler that honours reserves."""
+"""Preconditions of planning: rights to see a host's machines, a scheduler that honours reserves, no host twice."""
 
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -8,9 +9,9 @@ from rarms_iac.applying.refusals import OTHERS_RUN
 from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
-from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.host import LinuxHost, SchedulerType
 from rarms_iac.model.state import HostFacts, Rights, State
-from rarms_iac.model.system import Application
+from rarms_iac.model.system import Application, System
 from rarms_iac.model.wording import natural_order, quoted
 from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
@@ -157,3 +158,51 @@ def _why_ignored(facts: HostFacts) -> str:
     if facts.scheduler is SchedulerType.ROOT:
         return "runs the root scheduler"
     return "is a client Windows, and those run the root scheduler"
+
+
+ONE_MACHINE = Finding.warning("RARMS343", "Several hosts are one machine")
+
+
+def hosts_of_one_machine(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
+    """Report hosts with the identity of another host of the plan.
+
+    Args:
+        observed: their states, by name; those without an identity are left out.
+        places: where they stand in the manifest.
+
+    Yields:
+        A finding for each identity that several hosts have, at the first of them by name.
+    """
+    hosts_of: dict[str, list[str]] = defaultdict(list)
+    for name, state in sorted(observed.items()):
+        if state.facts.id:
+            hosts_of[state.facts.id].append(name)
+    for names in hosts_of.values():
+        if len(names) > 1:
+            slices = [
+                settings.slice for name in names if isinstance(settings := system.hosts[name].settings, LinuxHost)
+            ]
+            make = _slices if len(set(slices)) == len(names) else _clones
+            yield make(names, places)
+
+
+def _clones(names: list[str], places: Places) -> Diagnostic:
+    return ONE_MACHINE.at(
+        places.key("hosts", names[0]),
+        "The hosts {hosts:all} have the same machine id: either their addresses lead to one machine, or "
+        "the machines were cloned from one image.",
+        "Check the addresses under `connect`. Give each clone a machine id of its own, else proofs and journals of one "
+        "count for the other.",
+        address=f"host/{names[0]}",
+        hosts=tuple(names),
+    )
+
+
+def _slices(names: list[str], places: Places) -> Diagnostic:
+    return ONE_MACHINE.at(
+        places.key("hosts", names[0]),
+        "The hosts {hosts:all} are slices of one machine, and each reserves as if it had all processors.",
+        "Make them one host, or let each keep the others' part free with `keep_for_host`.",
+        address=f"host/{names[0]}",
+        hosts=tuple(names),
+    )

@@ -1,7 +1,8 @@
-"""Walking a run's steps on one host: read, compare, set, read again, and write down how far it got.
+"""Walking a run's steps on one host, and runs that a robot's own rarms does whole.
 
-The same walk serves a fresh run and one that was killed: the journal says where to go on, and every
-step looks before it acts, so that a step which was begun and did its work is found done.
+A step is read, compared, set, and read again, and the journal says how far the run got. The same walk serves a fresh
+run and one that was killed: every step looks before it acts, so that a step which was begun and did its work is found
+done. `rarms_iac.robot` does at a robot what `run_there` asks for here.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,9 +16,20 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.facets import Reading, Readings
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
-from rarms_iac.model.plan import Scope, Step
-from rarms_iac.providers.interface import NO_WAITING, HostError, HostLocked, LiveHost, StepwiseHost, WaitLimits
+from rarms_iac.model.plan import HostPlan, Scope, Step
+from rarms_iac.providers.interface import (
+    NO_WAITING,
+    HostError,
+    HostFailed,
+    HostLocked,
+    LiveHost,
+    RobotHost,
+    RobotListener,
+    StepwiseHost,
+    WaitLimits,
+)
 from rarms_iac.providers.robot import EndedThere
+from rarms_iac.storage.codec import NotDecodable, decode, encode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,3 +182,58 @@ def combined_report(reports: "list[RunReport]") -> RunReport:
         hosts=tuple(host for report in reports for host in report.hosts),
         findings=tuple(problem for report in reports for problem in report.findings),
     )
+
+
+STEPS = "steps"
+"""The `RunReporter` of this side, as calls name it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApplyJob:
+    """A plan for the robot: its whole file."""
+
+    plan: str
+    waits: WaitLimits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunJob:
+    """A run of the robot that is finished or closed: the one of this plan, or nothing is done."""
+
+    plan: str  # its id
+    waits: WaitLimits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoJob(RunJob):
+    """A run of the robot that is undone."""
+
+    keep: bool  # as of `undo.undo`
+
+
+def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: RunControl) -> RunReport:
+    """Have the robot do a run, and return its report.
+
+    Args:
+        command: `apply`, `finish`, `abandon` or `undo`.
+        control: hears of each step, and is asked whether to stop.
+
+    Raises:
+        HostError: the robot cannot be reached, refuses, or the connection broke.
+    """
+    listener = RobotListener(reporters={STEPS: (RunReporter, control.reporter)}, should_stop=control.should_stop)
+    answer = host.ask(command, encode(job), listener)
+    try:
+        return decode(RunReport, answer)
+    except NotDecodable as problem:
+        raise HostFailed(host.name, f"its report cannot be read: {problem}", "Look there: rarms history.") from None
+
+
+def without_plans(report: RunReport) -> RunReport:
+    """Return a report as it travels, without its plan, which the other side has."""
+    return replace(report, hosts=tuple(replace(host, host_plan=None) for host in report.hosts))
+
+
+def with_plan(report: RunReport, part: HostPlan) -> RunReport:
+    """Return a report that came, with the plan whose run it is about."""
+    return replace(report, hosts=tuple(replace(host, host_plan=part) for host in report.hosts))

@@ -6,10 +6,9 @@ from typing import assert_never
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.preconditions import no_rights
-from rarms_iac.applying.robot_runs import RunJob, UndoJob, run_there
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import abandon_script, description_of, finish_job, lines_of_help, run_job, undo_job
-from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, failed_run, run_steps
+from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl, RunJob, UndoJob, failed_run, run_steps, run_there
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic

@@ -8,7 +8,7 @@ from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.applying.state_after import totals_after
+from rarms_iac.applying.desired_hosts import totals_after
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.proof import AppliedLayout
 from rarms_iac.model.commands import APPLY, PLAN, command, prose

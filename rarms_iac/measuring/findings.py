@@ -14,7 +14,7 @@ from statistics import fmean
 from typing import Any, assert_never
 
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.applying.state_after import totals_after
+from rarms_iac.applying.desired_hosts import totals_after
 from rarms_iac.measuring.evidence import MeasuredIndex, idle_share, measured_indexes, why_unsteady
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.capacity import shared_processors

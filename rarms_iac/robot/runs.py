@@ -13,9 +13,8 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.app.wiring import open_host
 from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.robot_runs import STEPS, ApplyJob, RunJob, UndoJob, without_plans
 from rarms_iac.applying.run_report import RunReporter
-from rarms_iac.applying.run_steps import RunControl
+from rarms_iac.applying.run_steps import STEPS, ApplyJob, RunControl, RunJob, UndoJob, without_plans
 from rarms_iac.applying.undo import abandon as abandon_run
 from rarms_iac.applying.undo import undo as undo_run
 from rarms_iac.model.host import Host

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.applying.desired_hosts import partitions_after
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
-from rarms_iac.applying.state_after import partitions_after
 from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.model.changes import Create, Delete
 from rarms_iac.model.diagnostics import Severity

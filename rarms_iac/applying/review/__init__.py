@@ -1,14 +1,14 @@
 """Findings that a reviewer of a plan should see before it is applied.
 
 In: the request, a host as it is and as it is to be, and its part of the plan. Out: diagnostics. Begin at
-`review_plan`; `changes` looks at single changes and steps, `limits` at limits that the manifest gives, `host_effects`
+`review_plan`; `changes` looks at single changes and steps, `host_effects`
 at the host as a whole.
 """
 
 from collections.abc import Iterator
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.review import changes, host_effects, limits
+from rarms_iac.applying.review import changes, host_effects
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.plan import HostPlan
 from rarms_iac.planner.desired import Desired
@@ -25,7 +25,7 @@ def review_plan(request: PlanRequest, desired: Desired, plan: HostPlan) -> Itera
     yield from changes.review_guests_that_are_not_asked(desired, plan)
     yield from changes.review_memory(plan)
     yield from changes.review_raised_limits(request, desired)
-    yield from limits.review_limits_without_effect(request, desired)
+    yield from host_effects.review_limits_without_effect(request, desired)
     yield from host_effects.review_unmanaged_machines(request, desired, plan)
     yield from changes.review_removed_disks(request, desired, plan)
     yield from changes.review_remaining_disks(request, desired, plan)

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.applying.desired_hosts import disk_verdicts
+from rarms_iac.applying.desired_hosts import disk_verdicts, partition_after_change
 from rarms_iac.applying.doctor.machines import UNFIT_MACHINE
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.state_after import partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.commands import DRIFT, HISTORY, command, prose

@@ -1,26 +1,28 @@
-"""Reviews of a host as a whole: what the plan means for machines and task classes that rarms does not manage."""
+"""Reviews of a host as a whole: machines and task classes of others, and limits that hold nothing back."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.applying.desired_hosts import partition_after_change, partitions_after
 from rarms_iac.applying.doctor.machines import check_cpu_group, check_unequal_processors
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.state_after import partition_after_change, partitions_after
 from rarms_iac.model.capacity import packs_by_first_fit
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.quantities import guaranteed, show_bytes, show_processors
+from rarms_iac.model.quantities import guaranteed, show_amount, show_bytes, show_processors
 from rarms_iac.model.shared_findings import NEIGHBOURS, NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
-from rarms_iac.model.wording import in_a_row, list_names
+from rarms_iac.model.wording import counted, in_a_row, list_names
 from rarms_iac.planner.desired import Desired
+from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.refusals import is_larger_than_node
+from rarms_iac.planner.sizes import OPEN, limit_in_manifest
 
 NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 
@@ -280,3 +282,50 @@ def _foreign_priority(values: Mapping[str, RegistryValue]) -> int | None:
     if known is TaskCategory.MEDIUM and isinstance(level, int):
         return thread_priority(known, level, 1)
     return None
+
+
+NO_EFFECT = Finding.note("RARMS401", "A limit has no effect")
+
+_REMOVE = "Remove the limit."
+
+
+def review_limits_without_effect(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
+    """Note each limit that another one replaces, that its partition does not get, or that is no less than its VPs."""
+    system = request.system
+    blocks = [each.cpu for each in system.components.values()] + [each.cpu for each in system.partitions.values()]
+    if not any(block.limit for block in blocks):
+        return  # only then the whole system is worth grouping again
+    groups = {group.name: group for group in groups_of(system)}
+    for partition in desired.partitions:
+        group, processors = groups[partition.name], partition.settings.processors
+        for section, name, reason, advice in _without_effect(group, system.hosts[desired.host], processors):
+            limit = (system.partitions[name] if section == "partitions" else system.components[name]).cpu.limit
+            assert limit is not None, "each has one"
+            yield NO_EFFECT.at(
+                request.places.value(section, name, "cpu", "limit"),
+                'The limit of {limit} of "{name}" has no effect: {reason}.',
+                advice,
+                address=f"partition/{partition.name}",
+                name=name,
+                limit=show_amount(limit),
+                reason=reason,
+            )
+
+
+def _without_effect(group: Group, host: Host, processors: int) -> Iterator[tuple[str, str, str, str]]:
+    """Section and name of each such limit, the reason, and what to do."""
+    own = group.request.cpu.limit is not None
+    limited = [member.name for member in group.members if member.cpu.limit is not None]
+    open_members = [member.name for member in group.members if member.cpu.limit is None]
+    if own and len(group.members) > 1:
+        for name in limited:
+            yield "components", name, f"the partition {group.name} has a limit of its own", _REMOVE
+    elif not own and open_members:
+        for name in limited:
+            reason = f"it shares the partition {group.name} with {list_names(open_members)} without a limit"
+            yield "components", name, reason, "Give the partition a limit, or remove this one."
+    if limit_in_manifest(group, host, processors) != OPEN:
+        return
+    reason = f"the partition {group.name} has {counted(processors, 'VP')} and can use no more than {processors} LP"
+    for name in [group.name] if own else limited:
+        yield "partitions" if own else "components", name, reason, _REMOVE

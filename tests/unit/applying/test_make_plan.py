@@ -6,12 +6,11 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.desired_hosts import threads_of
+from rarms_iac.applying.desired_hosts import threads_of, totals_after
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import marks_of_other_robots
 from rarms_iac.applying.review.host_effects import classes_above, review_task_classes
-from rarms_iac.applying.state_after import totals_after
 from rarms_iac.model.changes import Address, Delete, Reason, Update
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
 from rarms_iac.model.layout import Layout
