@@ -6,8 +6,7 @@ from textwrap import dedent
 from typing import Any
 
 from rarms_iac.manifest.document.schema import manifest_schema
-from rarms_iac.model.names import NAME_PATTERN
-from rarms_iac.model.task_names import TASK_PATTERN
+from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 
 Schema = dict[str, Any]
 

@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, partitions_present, rules_of
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.hold_back import HeldChanges, hold_back
+from rarms_iac.diff.disruption import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.step_context import HostContext, StepBudget
 from rarms_iac.diff.steps import plan_changes

@@ -16,12 +16,11 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.commands import MEASURE, PLAN, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import OVER_HOST, UNUSABLE_RESERVE, Diagnostic, Finding, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Infeasible, LookedUp, PlacedPartition
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.model.seen_host import unseen
-from rarms_iac.model.shared_findings import OVER_HOST, UNUSABLE_RESERVE
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.planner import planning_findings

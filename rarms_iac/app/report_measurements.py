@@ -15,13 +15,13 @@ from rarms_iac.app.report_model import (
     PlatformCapacity,
     Report,
 )
-from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import (
     Met,
     Missed,
     Overload,
+    ReservationVerdict,
     TooFewSamples,
     TooManyFailures,
     Unsteady,

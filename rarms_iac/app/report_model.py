@@ -10,11 +10,10 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.drift import ComparedHost
-from rarms_iac.model.achievement import Achievement, ReservationVerdict
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex
-from rarms_iac.model.outcomes import VerdictWord
+from rarms_iac.model.outcomes import Achievement, ReservationVerdict, VerdictWord
 from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.setting import Setting

@@ -4,8 +4,16 @@ from collections.abc import Sequence
 from enum import Enum
 
 from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources, first_of_each_kind
-from rarms_iac.model.shared_findings import NOT_DONE, NOT_READ, NOTHING_CHANGED
+from rarms_iac.model.diagnostics import (
+    NOT_DONE,
+    NOT_READ,
+    NOTHING_CHANGED,
+    Diagnostic,
+    Finding,
+    Severity,
+    Sources,
+    first_of_each_kind,
+)
 from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import advice_on
 

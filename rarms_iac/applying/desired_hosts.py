@@ -7,23 +7,20 @@ from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_robots, unproven_rights
-from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.diff.compare_partitions import machine_in_the_way
-from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
-from rarms_iac.diff.step_context import HostContext, StepBudget
+from rarms_iac.diff.step_context import NO_CLAIM, HostContext, ManifestRules, StepBudget, claim_of
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
+from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.names import renaming
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.renaming import renaming
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
-from rarms_iac.model.shared_findings import FOREIGN_AT_NAME
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.totals import Totals, totals_of

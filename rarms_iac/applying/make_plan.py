@@ -22,11 +22,10 @@ from rarms_iac.applying.requested_changes import requested_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.comparison import ManifestRules
+from rarms_iac.diff.disruption import HeldChanges, hold_back
 from rarms_iac.diff.drift import part_digests
-from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, order
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import HostContext, ManifestRules
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES

@@ -5,11 +5,10 @@ from typing import Any
 
 from rarms_iac.diff.readings import VALUE
 from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN, PLAN_OUT, UNDO, command, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED, Diagnostic, Finding
 from rarms_iac.model.facets import Readings
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Step
-from rarms_iac.model.shared_findings import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED
 from rarms_iac.model.system import Application
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted

@@ -12,13 +12,12 @@ from rarms_iac.applying.refusals import GO_ON, MOVED, STEP_FAILED, lock_held
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, TitledStep
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.shared_findings import SCRIPT_REFUSED
 from rarms_iac.model.wording import last_words
+from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import script_name
-from rarms_iac.powershell.syntax import unreadable
 from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
 from rarms_iac.providers.interface import (
     EventKind,

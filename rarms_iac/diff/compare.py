@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from rarms_iac.diff.compare_partitions import partition_changes
 from rarms_iac.diff.compare_tasks import responsiveness_changes, task_changes
-from rarms_iac.diff.comparison import ManifestRules, managed_machines
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import HostContext, ManifestRules, managed_machines
 from rarms_iac.model.changes import Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import State

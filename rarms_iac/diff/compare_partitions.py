@@ -3,14 +3,12 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import HostContext, ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
 from rarms_iac.model.facets import LABELS, Facet, setting_text
-from rarms_iac.model.shared_findings import FOREIGN_AT_NAME, MAY_NOT_CHANGE
 from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted

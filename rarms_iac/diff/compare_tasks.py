@@ -2,14 +2,12 @@
 
 import re
 
-from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.diff.disruption import disruption_of_task
+from rarms_iac.diff.step_context import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.names import POWERSHELL_MEMBERS
-from rarms_iac.model.shared_findings import FOREIGN_AT_NAME, NO_RESPONSIVENESS
+from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, NO_RESPONSIVENESS, Diagnostic, Finding, Place
+from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
-from rarms_iac.model.task_names import is_shipped_task
 from rarms_iac.model.wording import quoted
 
 GUEST_FIRST = Finding.note("RARMS157", "A shipped task class of a new guest waits for the next plan")

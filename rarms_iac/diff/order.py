@@ -3,19 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.diff.claims import NO_CLAIM, claim_of, within
 from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.diff.setting_steps import STARTS_ANEW
-from rarms_iac.diff.step_context import StepBudget
+from rarms_iac.diff.step_context import NO_CLAIM, StepBudget, claim_of, within
 from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete
 from rarms_iac.model.claims import Claim, Load, load_of
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import NO_ORDER, Diagnostic
 from rarms_iac.model.operation_effects import describe_stop
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.shared_findings import NO_ORDER
 from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Disruption
 

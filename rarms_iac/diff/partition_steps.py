@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from re import escape, fullmatch
 
-from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.diff.disruption import changed_facets, grace_ms, needs_off
 from rarms_iac.diff.readings import NOTHING, same_path
 from rarms_iac.diff.setting_steps import (
@@ -27,7 +26,7 @@ from rarms_iac.diff.setting_steps import (
     start_step,
     stop_step,
 )
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import NO_CLAIM, HostContext, claim_of
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.facets import FACETS, Facet
 from rarms_iac.model.layout import Making

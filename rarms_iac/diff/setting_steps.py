@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 from math import ceil
 
-from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.readings import partition_readings
+from rarms_iac.diff.step_context import claim_of
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.facets import FACETS, Facet, Readings, change_text, differing, setting_values, settings_of
 from rarms_iac.model.operation_effects import (

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rarms_iac.diff.claims import NO_CLAIM
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.diff.partition_steps import (
     adopt_partition,
@@ -15,9 +14,10 @@ from rarms_iac.diff.partition_steps import (
     update_partition,
 )
 from rarms_iac.diff.readings import record_readings, values_readings
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import NO_CLAIM, HostContext
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Reason, Release, Update
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.names import BETWEEN
 from rarms_iac.model.operation_effects import reverse_task, values_operation
 from rarms_iac.model.operations import (
     EraseTaskRecord,
@@ -29,7 +29,6 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass
 
 

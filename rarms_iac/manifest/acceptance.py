@@ -5,8 +5,7 @@ from dataclasses import replace
 from datetime import date
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
-from rarms_iac.model.shared_findings import UNKNOWN_NAME
+from rarms_iac.model.diagnostics import UNKNOWN_NAME, Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy, System
 from rarms_iac.model.wording import Suggestions
 from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line

@@ -12,10 +12,9 @@ from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text, read_yaml
 from rarms_iac.manifest.text.tree import FirstLine, Node, Scalar
 from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
+from rarms_iac.model.diagnostics import NOT_READ, Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.plan import InputText
-from rarms_iac.model.shared_findings import NOT_READ
 from rarms_iac.model.system import System
 from rarms_iac.storage.json_text import digest_of_texts
 from rarms_iac.storage.reading import STANDARD_INPUT

@@ -21,8 +21,7 @@ from rarms_iac.manifest.text.tree import (
     place_of_node,
     plain,
 )
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
-from rarms_iac.model.shared_findings import WRONG_VALUE
+from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Finding, Places
 from rarms_iac.model.wording import Suggestions
 
 UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")

@@ -21,7 +21,7 @@ from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortf
 from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import MISSING, Diagnostic
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
@@ -40,7 +40,6 @@ from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
-from rarms_iac.model.shared_findings import MISSING
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.planner.groups import groups_of

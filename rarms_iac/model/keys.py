@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Annotated, TypeVar
 
-from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, Unit
-from rarms_iac.model.task_names import TASK_PATTERN
 
 
 @dataclass(frozen=True, slots=True)

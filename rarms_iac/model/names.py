@@ -1,7 +1,8 @@
-"""The names that a manifest may give, and those that Windows keeps for itself."""
+"""The names that a manifest may give, those that Windows keeps, those of task classes, and the new names of `moved`."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from unicodedata import combining, normalize
 
@@ -40,3 +41,87 @@ def robot_of(overlays: Sequence[str]) -> str:
         overlays: paths of files; empty: the manifest describes no robot in particular, and has none.
     """
     return Path(overlays[-1]).stem if overlays else ""
+
+
+TASK_PATTERN = r"^[A-Za-z][A-Za-z0-9 ]{0,62}$"
+"""Task classes, compared without case: they are registry keys."""
+
+
+SHIPPED_TASKS = (
+    "Audio",
+    "Capture",
+    "DisplayPostProcessing",
+    "Distribution",
+    "Games",
+    "Playback",
+    "Pro Audio",
+    "Window Manager",
+)
+"""The multimedia task classes that come with Windows (windows.md 6.5)."""
+
+
+ROBOTIC_TASKS = ("SpeechRecognition", "ObjectIdentification", "MotionControl", "Localization", "ObstacleAvoidance")
+"""The classes RC SS adds (the paper, RC SS)."""
+
+
+_TASK = re.compile(TASK_PATTERN.removesuffix("$") + r"\Z")
+
+
+def is_task(text: str) -> bool:
+    """Whether a task class may be called so."""
+    return _TASK.match(text) is not None
+
+
+def is_shipped_task(text: str) -> bool:
+    """Whether Windows brings a task class of this name, in any case."""
+    return text.lower() in {name.lower() for name in SHIPPED_TASKS}
+
+
+TASK_VALUES = (
+    "Affinity",
+    "Background Only",
+    "BackgroundPriority",
+    "Clock Rate",
+    "GPU Priority",
+    "Priority",
+    "SFIO Priority",
+    "Scheduling Category",
+)
+"""The values of a task class as Windows and rarms spell them; the registry does not tell their case apart."""
+
+
+BETWEEN = ".moving"
+"""Ends the name a mark bears while two partitions change places; a dot cannot occur in a manifest's name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Renaming:
+    """The new name of every name that is there; the same where nothing moves."""
+
+    new: Mapping[str, str]
+    impossible: tuple[str, ...] = ()  # names that `moved` would give a name that another keeps
+
+
+def renaming(there: Collection[str], wanted: Collection[str], moved: Mapping[str, str]) -> Renaming:
+    """Return what the partitions that are there are to be called.
+
+    A move happens where the old name is on the host, the new one is wanted, and the new one is free or moves away
+    itself. A name that stepped aside for an exchange goes on to where it was going.
+    """
+    new = {}
+    for name in there:
+        goal = name.removesuffix(BETWEEN) if name.endswith(BETWEEN) else moved.get(name, name)
+        new[name] = goal if goal in wanted else name
+    impossible: list[str] = []
+    while clash := _clash(new):
+        impossible += clash
+        new.update({name: name for name in clash})
+    return Renaming(new=new, impossible=tuple(impossible))
+
+
+def _clash(new: Mapping[str, str]) -> list[str]:
+    """Names that would move onto a name that another one takes or keeps."""
+    takers: dict[str, list[str]] = {}
+    for name, goal in new.items():
+        takers.setdefault(goal, []).append(name)
+    return sorted(name for goal, names in takers.items() if len(names) > 1 for name in names if name != goal)

@@ -1,9 +1,7 @@
 """The names in a plan or journal that was read: names of files, folders and registry keys are made of them."""
 
-from rarms_iac.model.names import is_name
+from rarms_iac.model.names import BETWEEN, is_name, is_task
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.renaming import BETWEEN
-from rarms_iac.model.task_names import is_task
 
 
 def wrong_name(part: HostPlan) -> str | None:

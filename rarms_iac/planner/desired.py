@@ -7,7 +7,7 @@ from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.renaming import renaming
+from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import (
     ID_DIGITS,
@@ -25,7 +25,6 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Application, Disruption, System, Unused
-from rarms_iac.model.task_names import is_shipped_task
 from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.marks import set_of_settings, set_of_values

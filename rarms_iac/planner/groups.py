@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from rarms_iac.model.renaming import renaming
+from rarms_iac.model.names import renaming
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 

@@ -8,7 +8,7 @@ from rarms_iac.model.claims import Claim, DeadlineClaim
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, Mechanism, ProviderKind, SimulatedHost
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, PlacedPartition, Placement
-from rarms_iac.model.renaming import renaming
+from rarms_iac.model.names import renaming
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import RunsOn, System

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
-from rarms_iac.model.achievement import ReservationVerdict
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import LookedUp, RecordedAnswer
+from rarms_iac.model.outcomes import ReservationVerdict
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, System
 from rarms_iac.planner.groups import Group, groups_of

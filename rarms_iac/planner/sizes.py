@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import UNUSABLE_RESERVE, Diagnostic
 from rarms_iac.model.host import Host, HypervHost, Mechanism, ProviderKind
 from rarms_iac.model.layout import Making, PlacedPartition
 from rarms_iac.model.processor_number import ProcessorSource, processor_number
@@ -20,7 +20,6 @@ from rarms_iac.model.quantities import (
     machine_memory,
     per_virtual_processor,
 )
-from rarms_iac.model.shared_findings import UNUSABLE_RESERVE
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
 from rarms_iac.model.system import MOST_WEIGHT, USUAL_WEIGHT, Headroom, Measured, StartMode, weight_of_criticality
 from rarms_iac.model.wording import counted

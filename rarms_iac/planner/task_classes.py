@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.diagnostics import CLASS_ORDER, NEIGHBOURS, Diagnostic, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority
-from rarms_iac.model.shared_findings import CLASS_ORDER, NEIGHBOURS
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.groups import most_critical_first

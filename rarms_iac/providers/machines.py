@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeVar
 
-from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.names import BETWEEN, NAME_PATTERN
 from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import EraseMark, MachineOperation, RestorePartition, WriteMark
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.model.state import (
     ID_DIGITS,
     NO_GENERATION,

@@ -2,8 +2,7 @@
 
 from typing import ClassVar
 
-from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.shared_findings import NOT_READ
+from rarms_iac.model.diagnostics import NOT_READ, Finding
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode

@@ -11,11 +11,11 @@ from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortf
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.run_experiment import decisive
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_range, show_value
 from rarms_iac.model.outcomes import (
+    Achievement,
     Estimate,
     Missed,
     NotAchievable,

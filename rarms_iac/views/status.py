@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import HostOverview, Overview, PartitionStatus, TestPartitionStatus
 from rarms_iac.applying.refusals import describe_missing_journal
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import RunKind
+from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.totals import HostTotals

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from rarms_iac.app.report_model import ComponentVerdict
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import MEASURE, Prose, prose
 from rarms_iac.model.indexes import PerformanceIndex, show_bound
+from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import in_a_row, list_names
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.plan_files import plan_in
-from rarms_iac.powershell.syntax import unreadable
+from rarms_iac.powershell.literals import unreadable
 from rarms_iac.storage.plan_file import write_plan
 from tests.cases.situations import WITH_SCRIPTS, command_of, folders, made, outputs, stand_in
 from tests.fake_powershell.cell import apply, in_one_file, scripts_of, undo

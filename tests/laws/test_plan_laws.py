@@ -6,11 +6,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
-from rarms_iac.diff.step_context import StepBudget
+from rarms_iac.diff.step_context import StepBudget, claim_of
 from rarms_iac.model.capacity import foreign_claims, packs
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.host import SchedulerType

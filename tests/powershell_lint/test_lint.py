@@ -12,8 +12,8 @@ from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, 
 from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
+from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import render_observe, render_scripts
-from rarms_iac.powershell.syntax import unreadable
 from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text, template_text
 from rarms_iac.providers.hyperv.transport import render_installed_receiver, render_loader, render_receiver
 from tests import builders_plan as build

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tree_sitter import Node
 
-from rarms_iac.powershell.syntax import error_in, parser
+from rarms_iac.powershell.literals import error_in, parser
 
 
 def parse(script: str) -> Node:

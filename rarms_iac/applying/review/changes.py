@@ -8,10 +8,9 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME, Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
-from rarms_iac.model.shared_findings import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import suggestion

@@ -10,12 +10,11 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.model.capacity import packs_by_first_fit
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import NEIGHBOURS, NO_ORDER, Diagnostic, Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_amount, show_bytes, show_processors
-from rarms_iac.model.shared_findings import NEIGHBOURS, NO_ORDER
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import counted, in_a_row, list_names

@@ -7,18 +7,18 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.violation import Violation, allowed_hosts, check, component_check, host_check, violation
-from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
-from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
-from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
-from rarms_iac.model.shared_findings import (
+from rarms_iac.model.diagnostics import (
     GENERATION,
     NO_EFFECT,
     NO_RESPONSIVENESS,
     OVER_HOST,
     UNKNOWN_KEY,
     WRONG_VALUE,
+    Finding,
 )
+from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
+from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
+from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
 from rarms_iac.model.system import Component, RunsOn, System
 from rarms_iac.model.wording import quoted
 

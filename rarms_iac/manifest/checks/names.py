@@ -14,15 +14,13 @@ from rarms_iac.manifest.checks.violation import (
     violation,
 )
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.diagnostics import CLASS_ORDER, OTHER_VERSION, UNKNOWN_NAME, Finding
 from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
-from rarms_iac.model.shared_findings import CLASS_ORDER, OTHER_VERSION, UNKNOWN_NAME
+from rarms_iac.model.names import POWERSHELL_MEMBERS, ROBOTIC_TASKS, WINDOWS_DEVICES, is_shipped_task
 from rarms_iac.model.system import Component, System
-from rarms_iac.model.task_names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import MOST_NAMES, Suggestions
 

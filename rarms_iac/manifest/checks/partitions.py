@@ -18,10 +18,9 @@ from rarms_iac.manifest.checks.violation import (
     partition_of_component,
     violation,
 )
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.diagnostics import OVER_HOST, WRONG_VALUE, Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
-from rarms_iac.model.shared_findings import OVER_HOST, WRONG_VALUE
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 

@@ -17,7 +17,7 @@ from rarms_iac.manifest.checks.violation import (
     partition_check,
     violation,
 )
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.diagnostics import CLASS_ORDER, NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE, Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
     CpuAmount,
@@ -30,7 +30,6 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
-from rarms_iac.model.shared_findings import CLASS_ORDER, NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE
 from rarms_iac.model.system import (
     MOST_WEIGHT,
     USUAL_WEIGHT,

@@ -6,6 +6,7 @@ from itertools import chain
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Given, Place, Places, Related
 from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.names import ROBOTIC_TASKS
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
@@ -17,7 +18,6 @@ from rarms_iac.model.system import (
     TaskRequest,
     bound_together,
 )
-from rarms_iac.model.task_names import ROBOTIC_TASKS
 
 Path = tuple[str | int, ...]
 

@@ -12,8 +12,7 @@ from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import place_of_node
 from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
-from rarms_iac.model.shared_findings import NOT_READ, WRONG_VALUE
+from rarms_iac.model.diagnostics import NOT_READ, WRONG_VALUE, Diagnostic, Place, has_errors
 
 
 class CannotFormat(ValueError):

@@ -10,8 +10,7 @@ from typing import overload
 from yaml.error import YAMLError
 
 from rarms_iac.model.commands import INIT, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.shared_findings import NOT_READ, NOT_YAML
+from rarms_iac.model.diagnostics import NOT_READ, NOT_YAML, Diagnostic, Finding, Place
 from rarms_iac.model.wording import HIDDEN
 from rarms_iac.storage.reading import STANDARD_INPUT
 

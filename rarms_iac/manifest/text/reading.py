@@ -7,8 +7,7 @@ from pathlib import Path
 from rarms_iac.manifest.text.characters import Source, UnreadableText, check_text, unified
 from rarms_iac.manifest.text.events import ParsedText, read_events
 from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.model.shared_findings import NOT_READ
+from rarms_iac.model.diagnostics import NOT_READ, Diagnostic, Place
 from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input

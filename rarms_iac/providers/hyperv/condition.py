@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import DAMAGED, ROUNDED, Diagnostic
 from rarms_iac.model.seen_host import Condition, PolicyScope
-from rarms_iac.model.shared_findings import DAMAGED, ROUNDED
 from rarms_iac.model.state import Rights
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.observation import HostObservation, ObservedMachine, Unread, is_unread, or_else

@@ -11,6 +11,7 @@ from rarms_iac.model.capacity import SMT_THREADS, core_sharing
 from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun, ScriptStarted
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.names import TASK_VALUES
 from rarms_iac.model.state import (
     SECURE_BOOT_OFF,
     Checkpoints,
@@ -32,7 +33,6 @@ from rarms_iac.model.state import (
     Tie,
     ValueKind,
 )
-from rarms_iac.model.task_names import TASK_VALUES
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,

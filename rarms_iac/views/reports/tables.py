@@ -16,8 +16,8 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
-from rarms_iac.model.achievement import Achievement, ReservationVerdict
 from rarms_iac.model.indexes import show_range, show_value
+from rarms_iac.model.outcomes import Achievement, ReservationVerdict
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.prove import describe_verdict, proof_time

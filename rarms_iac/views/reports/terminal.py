@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
+from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of

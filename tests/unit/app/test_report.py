@@ -17,8 +17,8 @@ from rarms_iac.app.report import not_yet_proven
 from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource, today_utc
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.indexes import index_named
+from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
 from rarms_iac.statistics.curves import curves_of, least_reserve

@@ -1,7 +1,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.step_context import StepBudget
 from rarms_iac.diff.steps import PlannedChange

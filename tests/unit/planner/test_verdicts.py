@@ -6,10 +6,10 @@ from fractions import Fraction
 
 import pytest
 
-from rarms_iac.model.achievement import Achievement
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.system import Component, PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.planning_findings import NOT_VERIFIED, STALE, UNMEASURED

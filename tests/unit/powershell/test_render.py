@@ -8,8 +8,8 @@ import pytest
 from tree_sitter import Node
 
 from rarms_iac.model.changes import Change
+from rarms_iac.model.names import BETWEEN
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.renaming import BETWEEN
 from rarms_iac.powershell.comparison import Detail, ScriptDifference, ScriptSteps, compare_steps
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_scripts, script_name, script_steps
