@@ -16,7 +16,7 @@ from rarms_iac.manifest.text.reading import MAX_BYTES, read_yaml
 from rarms_iac.model.diagnostics import Diagnostic, Places, Severity, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.wording import did_you_mean
-from rarms_iac.running.secrets import short_secrets
+from rarms_iac.running.start import short_secrets
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
 
 

@@ -15,8 +15,7 @@ from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
-from rarms_iac.measuring.combining import CombiningOffer
-from rarms_iac.measuring.level_prompt import SessionEnded
+from rarms_iac.measuring.level_prompt import CombiningOffer, SessionEnded
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import Wording, command, prose

@@ -1,10 +1,15 @@
-"""The use scenario of the paper: the user picks a level of performance from a curve, sees what follows, refines it."""
+"""The use scenario of the paper: the user picks a level of performance from a curve, sees what follows, refines it.
+
+Afterwards, where the levels need more than there is, components are combined, if the user wants it:
+`combine_if_wanted`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.control import Control
+from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
@@ -12,10 +17,16 @@ from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, selec
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
 from rarms_iac.measuring.run_experiment import decisive, measure_with_each_load
-from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.session import MeasuringSession, stopped_to_measure
+from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
+from rarms_iac.measuring.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
+from rarms_iac.planner.combining.candidates import candidates_of
+from rarms_iac.planner.combining.oracle import WHOLE, total
+from rarms_iac.planner.combining.questions import expected
+from rarms_iac.planner.planning_findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
 from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
@@ -168,3 +179,90 @@ def _judged_by_new_thresholds(hosts: Hosts, result: ExperimentResult) -> Experim
     experiment = replace(before, members=members)
     planned = least_reserve(curves_of(result.settings, experiment.runs, experiment.apts))
     return replace(result, experiment=experiment, conclusion=Swept(), planned=planned)
+
+
+NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
+"""Codes of findings with which there is nothing to combine yet; `plan` and `tune` tell of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombiningOffer:
+    """All in per cent of one logical processor."""
+
+    need: int  # what is reserved apart, by all partitions
+    have: int
+    predicted: int | None  # what would be reserved with the best single compound; None: none would save anything
+
+
+class CombiningPrompt(TuningPrompt, Protocol):
+    """Asks whether components are combined, which of them, and whether that is written."""
+
+    def combines(self, offer: CombiningOffer) -> bool:
+        """Show what is needed and what there is, and tell whether to combine.
+
+        Args:
+            offer: amounts in per cent of one logical processor.
+
+        Returns:
+            Whether the search begins.
+        """
+
+
+def combine_if_wanted(
+    hosts: Hosts, request: TuneRequest, prompt: CombiningPrompt, control: Control
+) -> TuningResult | None:
+    """Offer to combine components where their reservations exceed the hosts, and write what is found and confirmed.
+
+    Args:
+        hosts: Of one platform, with the manifest as it is now.
+
+    Returns:
+        What tuning came to; None where nothing had to be combined, or it was not wanted.
+
+    Raises:
+        SessionEnded: The user asked for an end at a question.
+        UseCaseError: As `tune_components`.
+    """
+    offer = combining_offer(hosts)
+    if offer is None or not prompt.combines(offer):
+        return None
+    return tune_components(hosts, request, control, prompt)
+
+
+def combining_offer(hosts: Hosts) -> CombiningOffer | None:
+    """Work out whether the measured reservations exceed their hosts, and what one compound would probably save.
+
+    Args:
+        hosts: Of one platform; they are looked at.
+
+    Returns:
+        None where all fits, or where tuning has no subject yet: not all is measured, or the hosts differ in platform.
+
+    Raises:
+        UseCaseError: A host cannot be looked at (failed), or a data log is damaged (negative).
+    """
+    try:
+        application = hosts.system.application.name
+        states = {name: stopped_to_measure(state, application) for name, state in observe_hosts(hosts).items()}
+        subject = subject_of_tuning(hosts, tuning_host(hosts), states)
+    except UseCaseError as problem:
+        if {finding.code for finding in problem.findings} <= NO_SUBJECT:
+            return None
+        raise
+    need = total(subject.cois) + subject.fixed
+    if LayoutFit(subject=subject).fits(subject.cois):
+        return None
+    return CombiningOffer(need=need, have=subject.capacity, predicted=_predicted(subject, need))
+
+
+def _predicted(subject: TuningSubject, need: int) -> int | None:
+    candidates = candidates_of(subject.cois, subject.may_share, most=WHOLE)
+    saved = max(
+        (
+            total(candidates.members(mask)) - candidate.coi.taken_processors * reserve
+            for mask, candidate in candidates.by_mask.items()
+            if (reserve := expected(candidate, subject.predict)) is not None
+        ),
+        default=0,
+    )
+    return need - saved if saved > 0 else None

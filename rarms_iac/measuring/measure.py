@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.declared_hosts import partitions_without_log, totals_at_hand
 from rarms_iac.app.hosts import Hosts, host_errors
-from rarms_iac.app.measurement_files import hold_data_log, log_errors
+from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.report_measurements import component_verdicts, missing_on
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
@@ -42,7 +41,13 @@ from rarms_iac.measuring.run_experiment import (
     measure_with_each_load,
     stop_what_is_in_the_way,
 )
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, short_secrets_of, starting_again
+from rarms_iac.measuring.session import (
+    MeasuringSession,
+    hold_measuring_hosts,
+    record_reservations,
+    short_secrets_of,
+    starting_again,
+)
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.strategies import Method
 from rarms_iac.model.commands import command, prose
@@ -254,19 +259,6 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
     places = hosts.manifest.places
     yield from findings_of(answer.experiment, answer.conclusion, answer.settings, places)
     yield from work_of_settings(answer.experiment, [each for loads in of_loads for each in loads.settings], places)
-
-
-def record_reservations(hosts: Hosts) -> None:
-    """Write the reservations that follow from the data logs now into the configuration logs.
-
-    Args:
-        hosts: those of the manifest, which is read again.
-
-    Raises:
-        UseCaseError: One of them is damaged (negative), or held by another run (refused).
-    """
-    with log_errors():
-        record_choices(hosts.reloaded().manifest)  # a level may have been chosen meanwhile
 
 
 def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tuple[PlanScript, ...]:

@@ -12,8 +12,10 @@ from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.hosts import Hosts, host_errors, refuse_unfinished, run_origin
 from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
+from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.execute import apply_plan
@@ -355,3 +357,16 @@ def _run_script(hosts: Hosts, host: ScriptedMeasuringHost, purpose: Purpose, nam
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED
         raise UseCaseError(outcome, report.findings)
+
+
+def record_reservations(hosts: Hosts) -> None:
+    """Write the reservations that follow from the data logs now into the configuration logs.
+
+    Args:
+        hosts: those of the manifest, which is read again.
+
+    Raises:
+        UseCaseError: One of them is damaged (negative), or held by another run (refused).
+    """
+    with log_errors():
+        record_choices(hosts.reloaded().manifest)  # a level may have been chosen meanwhile

@@ -12,11 +12,11 @@ from rarms_iac.app.measurement_files import now
 from rarms_iac.app.requests import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.findings import MORE_MEMORY
-from rarms_iac.measuring.measure import record_reservations
 from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.session import (
     MeasuringSession,
     hold_measuring_hosts,
+    record_reservations,
     short_secrets_of,
     starting_again,
     stopped_to_measure,

@@ -13,8 +13,7 @@ from rarms_iac.model.run import Call, Run
 from rarms_iac.model.series import Sample, Series, SkippedLines
 from rarms_iac.running.kernel_files import entry_of, kernel_text
 from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
-from rarms_iac.running.secrets import hide_secrets
-from rarms_iac.running.start import StartContext, order_of
+from rarms_iac.running.start import StartContext, hide_secrets, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
 from rarms_iac.running.work_places import ComponentPlace
 

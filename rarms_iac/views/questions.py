@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection
-from rarms_iac.measuring.combining import CombiningOffer
+from rarms_iac.measuring.level_prompt import CombiningOffer
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import counted, in_a_row

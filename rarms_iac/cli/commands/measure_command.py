@@ -19,8 +19,7 @@ from rarms_iac.cli.prompts import (
     refuse_without_terminal,
 )
 from rarms_iac.cli.session import Session
-from rarms_iac.measuring.combining import combine_if_wanted
-from rarms_iac.measuring.level_prompt import SessionEnded
+from rarms_iac.measuring.level_prompt import SessionEnded, combine_if_wanted
 from rarms_iac.measuring.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.measuring.measure_request import MeasureRequest, reserves_between
 from rarms_iac.measuring.tune import TuneRequest

@@ -13,7 +13,7 @@ from rarms_iac.app.declared_hosts import totals_at_hand
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.measuring.combining import _predicted
+from rarms_iac.measuring.level_prompt import _predicted
 from rarms_iac.measuring.tune import tuning_findings
 from rarms_iac.measuring.tuning_subject import (
     LayoutFit,

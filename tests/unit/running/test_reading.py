@@ -12,8 +12,7 @@ import pytest
 from rarms_iac.model.run import Field, FromEnvironment, Samples, TimeField
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.reading import Reading, Unreadable, line_reader
-from rarms_iac.running.secrets import hide_secrets
-from rarms_iac.running.start import StartContext
+from rarms_iac.running.start import StartContext, hide_secrets
 from tests.unit.running.programs import a_run
 
 JSON = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
