@@ -116,46 +116,30 @@ def test_help_has_a_short_form(words: tuple[str, ...]) -> None:
     assert (short.code, short.out) == (0, long.out)
 
 
-def test_misspelt_command_is_wrong_usage_and_offers_nearest() -> None:
-    answer = rarms("drfit")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("drfit", 'There is no command "drfit". Did you mean "drift"?'),
+        ("drift --jsn", "--json"),
+        ("drift --jsn", "`rarms drift --help` lists what it takes."),
+        ("--jsn plan", "No such option '--jsn'"),
+        ("--json plan", "The option --json belongs to rarms plan: write it after the command."),
+        ("-f rarms.yaml plan", "The option -f belongs to rarms plan: write it after the command."),
+        ("plan cell.yaml", "Name the manifest with -f: `rarms plan -f cell.yaml`."),
+        ("apply --host", "Usage: rarms apply "),
+        ("apply --host", "`rarms apply --help`"),
+    ],
+)
+def test_wrong_words_say_the_right_ones(words: str, says: str) -> None:
+    answer = rarms(*words.split())
 
-    assert answer.code == 64
-    assert answer.out == ""
-    assert 'There is no command "drfit". Did you mean "drift"?' in answer.err
-
-
-def test_a_misspelt_option_offers_the_nearest() -> None:
-    answer = rarms("drift", "--jsn")
-
-    assert answer.code == 64
-    assert "--json" in answer.err
-    assert "`rarms drift --help` lists what it takes." in answer.err
-
-
-@pytest.mark.parametrize("words", [("--json", "plan"), ("-f", "rarms.yaml", "plan")])
-def test_option_before_command_is_told(words: tuple[str, ...]) -> None:
-    answer = rarms(*words)
-
-    assert answer.code == 64
-    assert f"The option {words[0]} belongs to rarms plan: write it after the command." in answer.err
-    assert "No such option '--jsn'" in rarms("--jsn", "plan").err
+    assert (answer.code, bool(answer.out)) == (64, words.startswith("--json"))
+    assert says in answer.err
 
 
-def test_manifest_needs_its_option() -> None:
-    answer = rarms("plan", "cell.yaml")
-
-    assert answer.code == 64
-    assert "Name the manifest with -f: `rarms plan -f cell.yaml`." in answer.err
-    assert "with -f" not in rarms("plan", "cell").err
-    assert "with -f" not in rarms("explain", "vision", "cell.yaml").err
-
-
-def test_option_without_value_is_told() -> None:
-    answer = rarms("apply", "--host")
-
-    assert answer.code == 64
-    assert answer.err.startswith("Usage: rarms apply ")
-    assert "`rarms apply --help`" in answer.err
+@pytest.mark.parametrize("words", ["plan cell", "explain vision cell.yaml"])
+def test_only_a_manifest_asks_for_its_option(words: str) -> None:
+    assert "with -f" not in rarms(*words.split()).err
 
 
 def test_wrong_usage_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
