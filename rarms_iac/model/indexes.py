@@ -159,8 +159,9 @@ def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Thre
             `0.0123 /s`), and may be infinite (`no bound`).
         threshold: it is shown in the unit that the user wrote there, and if it misses it, never reads as it.
     """
-    unit = threshold.unit if threshold and threshold.unit else index.symbol
-    size = UNITS[index.unit][unit]
+    units = UNITS[index.unit]
+    unit = threshold.unit if threshold and threshold.unit in units else index.symbol  # a log may name any unit
+    size = units[unit]
     if not isinstance(value, float):
         return f"{plain(value / size)} {unit}"
     if not isfinite(value):

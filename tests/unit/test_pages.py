@@ -119,6 +119,7 @@ def test_there_are_templates_of_scripts_and_of_report() -> None:
         "studio-top.html.j2",
         "studio-ways.html.j2",
         "studio-work.html.j2",
+        "table.html.j2",
     ]
 
 
