@@ -24,6 +24,7 @@ from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
+from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.outcomes import (
     WIDTH,
     Conclusion,
@@ -54,12 +55,14 @@ from rarms_iac.model.setting import ALL_PARTITIONS, OutsideWork, Setting, Settin
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Measured, Threshold
 from rarms_iac.model.totals import host_totals
+from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.curves import threshold_met_by
 from rarms_iac.statistics.distributions import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
+from rarms_iac.statistics.samples import response_times
 from rarms_iac.statistics.verdicts import LONG
 
 VPS_USED = Finding.note("RARMS380", "The component uses another number of processors")
@@ -540,7 +543,7 @@ def unused_time(series_at: Mapping[int, Sequence[Series]]) -> float | None:
     used = answered = 0.0
     means = []
     for all_series in series_at.values():
-        times = [time for series in all_series for time in _response_times(series)]
+        times = [time for series in all_series for time in response_times(series.samples)]
         if not times or any(series.cpu_ms is None for series in all_series):
             return None
         used += sum(series.cpu_ms or 0.0 for series in all_series)
@@ -549,10 +552,6 @@ def unused_time(series_at: Mapping[int, Sequence[Series]]) -> float | None:
     if len(means) < 2 or not answered or used >= LEAST_USE * answered:
         return None
     return used / answered if max(means) <= (1 + SAME_TIMES) * min(means) else None
-
-
-def _response_times(series: Series) -> list[float]:
-    return [sample.response_ms for sample in series.samples if sample.response_ms is not None]
 
 
 def _shown(time_ms: float) -> str:
@@ -594,14 +593,42 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     return " ".join((idle, *(reasons or ["No other process and no limit had it: the load waited."])))
 
 
-def idle_facts(evidence: SettingEvidence, host: Host) -> dict[str, Any]:
-    """Return the numbers behind `describe_idle`."""
-    return {
-        "idle_percent": 100 * idle_share(evidence, shared_processors(host, host.logical_processors)),
-        "processes": tuple(work.name for work in evidence.others),
-        "groups": tuple(work.group for work in evidence.others),
-        "throttled_ms": sum(evidence.throttled_ms.values()),
-    }
+def weak_answer(
+    hosts: Hosts, members: tuple[str, ...], idle: Mapping[str, SettingEvidence | None], host: Host
+) -> Diagnostic:
+    """Make the finding on a result whose loads leave processors idle.
+
+    Args:
+        hosts: The manifest, with the positions of its lines.
+        idle: By load, the counts of a setting in which it left processors idle; None: there is no such setting.
+    """
+    loads = tuple(idle)
+    seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
+    idle_loads = "".join(f" {describe_idle(name, evidence, host)}" for name, evidence in seen.items())
+    facts: dict[str, Any] = {}
+    for evidence in [*seen.values()][:1]:
+        facts = {
+            "idle_percent": 100 * idle_share(evidence, shared_processors(host, host.logical_processors)),
+            "processes": tuple(work.name for work in evidence.others),
+            "groups": tuple(work.group for work in evidence.others),
+            "throttled_ms": sum(evidence.throttled_ms.values()),
+        }
+    again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
+    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
+    advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
+    return WEAK_ANSWER.at(
+        hosts.manifest.places.key("components", members[0]),
+        "{loads:all} {_verb} not take all that {components:all} did not reserve on {host}.{_idle_loads} "
+        "The reservation that is enough with it may be too small with other loads.",
+        prose(advice, " Or use it all the same: --weak-load."),
+        address=f"component/{members[0]}",
+        components=tuple(members),
+        loads=loads,
+        host=host.name,
+        _verb="did" if idle_loads else "can",
+        _idle_loads=idle_loads,
+        **facts,
+    )
 
 
 HUNDREDTHS = 100

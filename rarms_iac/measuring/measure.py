@@ -20,7 +20,7 @@ from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
-from rarms_iac.measuring.findings import findings_of, work_of_settings
+from rarms_iac.measuring.findings import findings_of, weak_answer, work_of_settings
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
     ExperimentResult,
@@ -29,7 +29,6 @@ from rarms_iac.measuring.measure_request import (
     experiments_of_request,
     method_of,
     refuses_weak_loads,
-    weak_answer,
 )
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.partitions import host_resources

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Literal
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.requests import (
@@ -16,12 +16,10 @@ from rarms_iac.app.requests import (
     samples_option,
 )
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring import findings
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.findings import UNABLE, describe_idle, idle_facts
+from rarms_iac.measuring.findings import UNABLE, weak_answer
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
-from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import MISSING, Diagnostic
+from rarms_iac.model.diagnostics import MISSING
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
@@ -39,9 +37,8 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import Setting, SettingEvidence, join_skipped
+from rarms_iac.model.setting import Setting, join_skipped
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.distributions import ERROR
 
@@ -274,37 +271,6 @@ def _refuse_weak(hosts: Hosts, members: tuple[str, ...], loads: tuple[str, ...])
             raise UseCaseError(
                 Outcome.NEGATIVE, [weak_answer(hosts, members, dict.fromkeys(loads), host)], hosts.manifest.sources
             )
-
-
-def weak_answer(
-    hosts: Hosts, members: tuple[str, ...], idle: Mapping[str, SettingEvidence | None], host: Host
-) -> Diagnostic:
-    """Make the finding on a result whose loads leave processors idle.
-
-    Args:
-        hosts: The manifest, with the positions of its lines.
-        idle: By load, the counts of a setting in which it left processors idle; None: there is no such setting.
-    """
-    loads = tuple(idle)
-    seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
-    idle_loads = "".join(f" {describe_idle(name, evidence, host)}" for name, evidence in seen.items())
-    facts: dict[str, Any] = next((idle_facts(evidence, host) for evidence in seen.values()), {})
-    again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
-    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
-    advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
-    return findings.WEAK_ANSWER.at(
-        hosts.manifest.places.key("components", members[0]),
-        "{loads:all} {_verb} not take all that {components:all} did not reserve on {host}.{_idle_loads} "
-        "The reservation that is enough with it may be too small with other loads.",
-        prose(advice, " Or use it all the same: --weak-load."),
-        address=f"component/{members[0]}",
-        components=tuple(members),
-        loads=loads,
-        host=host.name,
-        _verb="did" if idle_loads else "can",
-        _idle_loads=idle_loads,
-        **facts,
-    )
 
 
 def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[str, ...]:
