@@ -80,11 +80,11 @@ def settings(
     )
 
 
-def partition(of: PartitionSettings | None = None, *, application: str | None = "robot", name: str = "") -> Partition:
+def partition(of: PartitionSettings | None = None, *, application: str | None = "robot") -> Partition:
     """A machine with that mark, as rarms wrote it, or with none."""
     own = of or settings()
     mark = (
-        Mark(application=application, name=name or own.name, machine="01234567", set=set_of_settings(own))
+        Mark(application=application, name=own.name, machine="01234567", set=set_of_settings(own))
         if application
         else None
     )
@@ -135,12 +135,12 @@ def update(
     )
 
 
-def delete(before: Resource, reason: Reason | None = None) -> Delete:
+def delete(before: Resource) -> Delete:
     """It is to go."""
     return Delete(
         address=address_of(before),
         before=before,
-        reason=reason or because("it is not wanted", line=None),
+        reason=because("it is not wanted", line=None),
         disruption=Disruption.REMOVAL,
     )
 
@@ -151,11 +151,9 @@ def step(
     title: str = "reserve 70 -> 40 %",
     operation: Operation | None = None,
     before: Readings | None = None,
-    after: Readings | None = None,
     undo: UndoLevel = UndoLevel.FULL,
     lost: str = "",
     comment: str = "shrinks first",
-    line: int | None = 31,
 ) -> Step:
     """A call that lowers a reserve."""
     where = address or Address(partition="vision")
@@ -166,19 +164,19 @@ def step(
         title=title,
         operation=call,
         before=before or {"exists": True, "reserve": 70},
-        after=after or {"exists": True, "reserve": 40},
+        after={"exists": True, "reserve": 40},
         undo=Undo(level=undo, operation=back, message=lost),
         disruption=Disruption.LIVE,
         claim_before=Claim(processors=2, reserve=70, memory=2**29),
         claim_after=Claim(processors=2, reserve=40, memory=2**29),
         comment=comment,
-        place=because(line=line).place,
+        place=because().place,
     )
 
 
-def held(change: Change, why: str = "it needs partition_stop, and the policy allows live") -> HeldBack:
+def held(change: Change) -> HeldBack:
     """A change that the policy does not allow."""
-    return HeldBack(change=change, why=why)
+    return HeldBack(change=change, why="it needs partition_stop, and the policy allows live")
 
 
 def host_plan(
@@ -213,17 +211,15 @@ def host_plan(
 
 def plan(
     *hosts: HostPlan,
-    application: str = "robot",
     purpose: Purpose = Purpose.APPLY,
     max_disruption: Disruption = Disruption.HOST_RESTART,
     findings: Iterable[Diagnostic] = (),
-    accepted: Iterable[Diagnostic] = (),
 ) -> Plan:
     """A plan for these hosts, or for one where all is as wanted."""
     return Plan(
         id="0123456789ab",
         rarms_version="0.1.0",
-        application=application,
+        application="robot",
         purpose=purpose,
         manifest="rarms.yaml",
         manifest_digest="0" * 64,
@@ -231,7 +227,7 @@ def plan(
         max_disruption=max_disruption,
         hosts=hosts or (host_plan(),),
         findings=tuple(findings),
-        accepted=tuple(accepted),
+        accepted=(),
         inputs=PlanInputs(
             manifest="rarms.yaml",
             manifest_digest="0" * 64,
@@ -280,12 +276,10 @@ def a_rich_plan() -> Plan:
     )
 
 
-def placed_partition(
-    name: str = "vision", *, components: Iterable[str] | None = None, host: str = "onboard"
-) -> PlacedPartition:
+def placed_partition(name: str = "vision", *, components: Iterable[str] | None = None) -> PlacedPartition:
     """A partition of the component of its own name, unless they are given."""
     return PlacedPartition(
-        host=host,
+        host="onboard",
         components=(name,) if components is None else tuple(components),
         criticality=10,
         settings=settings(name),
