@@ -156,14 +156,12 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     """Return the host on which the partition carries the application's mark, or where a killed run has taken it off.
 
     Returns:
-        The same with that host alone; all chosen ones if no host has a machine of this name.
+        The same with that host alone.
 
     Raises:
-        RequestError: several hosts have it.
+        RequestError: no host, or several hosts have it.
         UseCaseError: a host cannot be read (failed).
     """
-    if len(hosts.chosen) == 1:
-        return hosts
     states = observe_hosts(hosts)
     application = hosts.system.application.name
     names = [
@@ -178,7 +176,9 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     ]
     if len(names) > 1:
         raise RequestError(f"{partition} is on {in_a_row(names)}: name one of them with --host.")
-    return hosts.only(*names) if names else hosts
+    if not names:
+        refuse_unknown_partitions(hosts, [partition])
+    return hosts.only(*names)
 
 
 def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:

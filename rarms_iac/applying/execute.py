@@ -170,6 +170,7 @@ def _begin_or_resume(
         plan=plan.id,
         application=plan.application,
         robot=plan.robot,
+        purpose=plan.purpose,
         needs_key=plan.needs_key,
         started_by=origin.by,
         started_at=origin.at,

@@ -97,9 +97,10 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
                 ".",
             ),
         )
-    # `validate` and `plan` tell what the manifest does not use, and where no reservation is made none is rounded.
+    # `validate` and `plan` say what the manifest does not use. Where no reservation is made, none of the manifest is
+    # rounded; a machine's own fraction, which has no place in the manifest, is said.
     left_out = {NOT_USED.code} | ({ROUNDED.code} if plan.purpose is not Purpose.APPLY else set())
-    findings = tuple(each for each in plan.findings if each.code not in left_out)
+    findings = tuple(each for each in plan.findings if each.code not in left_out or each.place is None)
     text = plan_text(replace(plan, findings=findings), sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)

@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Literal
 
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.plan import HostPlan, Step
+from rarms_iac.model.plan import HostPlan, Purpose, Step
 from rarms_iac.model.version import __version__
 
 
@@ -42,7 +42,8 @@ class PastRun:
     started_by: str
     started_at: str  # as of `RunOrigin`
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
-    robot: str = ""  # of `Application`; empty: it has none, or a script that remembers none wrote it down
+    robot: str = ""  # of `Application`; empty: it has none
+    purpose: Purpose = Purpose.APPLY  # of its plan
 
     @output
     def ending(self) -> Literal["done", "abandoned", "unfinished"]:
@@ -70,6 +71,7 @@ class RunStarted:
     serials: Mapping[str, int]  # of every application on the host, this run counted
     started_at: str  # as of `RunOrigin`
     robot: str = ""  # of `Application`
+    purpose: Purpose = Purpose.APPLY  # of its plan
     rarms: str = __version__  # the version that began it, which ends it, too
     needs_key: bool = False  # of `Plan`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
@@ -142,6 +144,7 @@ class ScriptStarted:
     touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
     started_at: str  # as of `RunOrigin`
     robot: str = ""  # of `Application`
+    purpose: Purpose = Purpose.APPLY  # of its plan
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     module: Mapping[str, str] = field(default_factory=dict)  # its files by name; none: the script holds it
     kind: Literal["run_started"] = "run_started"
@@ -174,5 +177,6 @@ def history_of(last: Journal | ScriptRun | None) -> tuple[PastRun, ...]:
         started_at=started.started_at,
         closing=None if last.closed is None else last.closed.closing,
         robot=started.robot,
+        purpose=started.purpose,
     )
     return (*started.history, past)[-MOST_PAST_RUNS:]

@@ -96,6 +96,9 @@ def parser() -> "Parser":
     return Parser(Language(language()))
 
 
+LINE_END = "the line does not end with CR LF, as rarms wrote it"
+
+
 def unreadable(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     """Return a finding for the first line that not every PowerShell reads alike, or cannot read; none otherwise.
 
@@ -105,7 +108,10 @@ def unreadable(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     if not problem:
         return ()
     again = command("show", script=True, out="FOLDER")
-    advice = prose("Change the manifest instead of the script, and write it again: ", again, ".")
+    other = (
+        "Save it with Windows line ends (CR LF)" if problem == LINE_END else "Change the manifest instead of the script"
+    )
+    advice = prose(f"{other}, or write it again: ", again, ".")
     place = Place(file=name, line=line, column=1)
     return (UNREADABLE.at(place, "{reason}.", advice, script=name, reason=problem),)
 
@@ -116,8 +122,8 @@ def _problem_in_bytes(script: bytes) -> tuple[int, str] | None:
         if bad := [byte for byte in line.removesuffix(b"\r") if not 0x20 <= byte <= 0x7E]:
             return number, f"the byte 0x{bad[0]:02x} is not printable ASCII"
         if not line.endswith(b"\r"):
-            return number, "the line does not end with CR LF"
-    return (len(lines) + 1, "the last line does not end with CR LF") if rest or not lines else None
+            return number, LINE_END
+    return (len(lines) + 1, LINE_END) if rest or not lines else None
 
 
 def _problem_in_grammar(script: bytes) -> tuple[int, str] | None:

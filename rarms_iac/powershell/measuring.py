@@ -98,6 +98,7 @@ def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
     capacity = capacity_of(host, facts)
     values: dict[str, Scalar] = {
         "Run": "measure",
+        "Purpose": "",
         "Plan": UNPLANNED,
         "Application": application,
         "Robot": "",

@@ -273,6 +273,7 @@ def _run(target: _Target) -> dict[str, str]:
     plan, facts = target.plan, target.host_plan.facts
     capacity = capacity_of(target.host_plan.host, facts)
     return {
+        "Purpose": literal(plan.purpose.value),
         "Plan": literal(plan.id),
         "Application": literal(plan.application),
         "Robot": literal(plan.robot),

@@ -74,7 +74,7 @@ WIDTH = 140
 
 
 _FACTS = (
-    ("Run", "Plan", "Application", "Robot", "Serial", "Guest"),
+    ("Run", "Purpose", "Plan", "Application", "Robot", "Serial", "Guest"),
     ("Undo", "UndoDigest"),
     ("Computer", "Identity"),
 )

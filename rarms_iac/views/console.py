@@ -36,7 +36,7 @@ ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim
 GOOD, CHANGED, BAD = "green", "yellow", "red"
 
 _UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))|(?<=[<>]=) (?=[0-9])")
-_ITEM = re.compile(r" *- ")
+_ITEM = re.compile(r" *(?:-|[0-9]+\.) ")
 
 
 def show_seconds(time: float) -> str:

@@ -26,7 +26,7 @@ RUNS = (
 def describe_run(run: PastRun) -> str:
     """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
     robot = f" on {run.robot}" if run.robot else ""
-    return f"{run.run.value} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+    return f"{_command(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 
 
 def history_text(history: History) -> "RenderableType":
@@ -51,8 +51,12 @@ def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
     for number, run in enumerate(runs, start=1):
         whose = f"{run.application} on {run.robot}" if run.robot else run.application
         ending = _ending(run, runs[number:])
-        rows.append((run.started_at, run.run.value, run.plan, whose, run.started_by, ending))
+        rows.append((run.started_at, _command(run), run.plan, whose, run.started_by, ending))
     return rows[::-1]
+
+
+def _command(run: PastRun) -> str:
+    return run.purpose.value if run.run is RunKind.APPLY else run.run.value
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:

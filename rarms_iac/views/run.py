@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 LONGEST = 500
-"""Characters that are shown of a line that a host says beside its steps."""
+"""Characters that are shown of a line of a host: of its output, or of a script in its journal."""
 
 
 def undo_text(undo: UndoPreview) -> "RenderableType":
@@ -43,7 +43,7 @@ def undo_text(undo: UndoPreview) -> "RenderableType":
     started = undo.started
     begun_by = "applied" if started.run is RunKind.APPLY else "begun"
     lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
-    lines += [f"  {visible(line, keep='')}" for line in undo.script]
+    lines += [f"  {visible(line[:LONGEST], keep='')}" for line in undo.script]
     if undo.keeps:
         lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
     return stack(

@@ -33,8 +33,7 @@ def explain_command(session: Session, options: ExplainOptions, source: ManifestS
     """
     subject = options.subject
     if options.guide:
-        session.terminal.data(_guide(session, source, subject))
-        return ExitCode.DONE
+        return _guide(session, source, subject)
     if is_code(subject):
         return _finding(session, subject)
     return _component(session, source, subject)
@@ -53,13 +52,14 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     return ExitCode.DONE if explained.fits else ExitCode.NO
 
 
-def _guide(session: Session, source: ManifestSource, name: str) -> str:
+def _guide(session: Session, source: ManifestSource, name: str) -> ExitCode:
     from rarms_iac.app.guide import guide_facts
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.views.guide import guide_text
 
     facts = guide_facts(load_manifest(source), name)
-    return json_of(facts) if session.as_json else guide_text(facts)
+    session.answer(lambda: json_of(facts), lambda: guide_text(facts))
+    return ExitCode.DONE
 
 
 def _finding(session: Session, finding: str) -> ExitCode:

@@ -14,6 +14,7 @@ from rarms_iac.app.requests import (
     argument,
     flag,
     option,
+    refuse_unknown,
 )
 from rarms_iac.app.this_machine import start_partitions_after_boot
 from rarms_iac.app.use_case_errors import RequestError
@@ -23,6 +24,7 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.plan import Purpose
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.views.json_output import json_of
 
 
@@ -141,7 +143,9 @@ def import_command(
 
     The next plan then shows what the manifest wants to be different about it.
     """
-    hosts = hosts_with_machine(select_hosts(load_manifest(source), host_selection), options.machine)
+    manifest = load_manifest(source)
+    refuse_unknown((options.partition,), {group.name: group for group in groups_of(manifest.system)}, "partition")
+    hosts = hosts_with_machine(select_hosts(manifest, host_selection), options.machine)
     request = replace(
         plan_request(hosts), purpose=Purpose.IMPORT, partitions=(options.partition,), machine=options.machine
     )

@@ -13,7 +13,7 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.wording import quoted
-from rarms_iac.views.graph import candidates_text, graph_text
+from rarms_iac.views.graph import candidates_table, candidates_text, graph_text
 from rarms_iac.views.json_output import json_of
 
 
@@ -30,12 +30,16 @@ def graph_command(session: Session, source: ManifestSource, options: GraphOption
 
     With --candidates: the components whose reservations are measured, and every compound of them that could reserve
     less than its parts; what a compound will probably need is marked "predicted" until it is measured. Needs no host.
-    The picture is in Mermaid, which GitHub and GitLab draw in a page or a pull request.
+    The picture is in Mermaid, which GitHub and GitLab draw in a page or a pull request. On a terminal, --candidates is
+    a table.
     """
     manifest = load_manifest(source)
     if options.candidates:
         compounds = candidate_graph(manifest, predict=True)
-        session.terminal.data(json_of(compounds) if session.as_json else candidates_text(compounds))
+        if session.as_json or session.terminal.piped:
+            session.terminal.data(json_of(compounds) if session.as_json else candidates_text(compounds))
+        else:
+            session.terminal.show(candidates_table(compounds.candidates))
     else:
         graph = graph_of_manifest(manifest)
         session.terminal.data(json_of(graph) if session.as_json else graph_text(graph))

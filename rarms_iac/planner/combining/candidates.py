@@ -272,9 +272,6 @@ def named(members: Members) -> str:
     return "+".join(members)
 
 
-TO_BE_MEASURED = "to be measured"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
     """A node of the candidate graph."""
@@ -287,16 +284,6 @@ class Node:
     predicted: int | None  # what it will probably need, until that is measured
     measured: bool
     is_gain: bool
-
-    @property
-    def label(self) -> tuple[str, ...]:
-        """The lines of text in the node, where the graph is drawn."""
-        if not self.is_gain:
-            return self.name, f"no gain: needs at least {self.low} % of its VPs"
-        if self.measured:
-            return self.name, f"{self.low} % of its VPs"
-        predicted = "" if self.predicted is None else f"predicted: {self.predicted} % of its VPs, "
-        return self.name, f"{self.low} to {self.high} % of its VPs, {predicted}{TO_BE_MEASURED}"
 
 
 def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Node, ...]:

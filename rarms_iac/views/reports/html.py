@@ -19,15 +19,15 @@ from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.distributions import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.findings_text import excerpt_text
+from rarms_iac.views.graph import drawing_of
 from rarms_iac.views.harmless import visible
-from rarms_iac.views.reports.candidates import drawing_of
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.tables import (
     candidates_left_out,
-    candidates_table,
     levels_table,
     proofs_table,
+    ranked_candidates,
     trail_table,
     tuned_table,
 )
@@ -94,7 +94,7 @@ def render_page(
                 (tuning.platform, tuning_text(tuning), trail_table([tuning]).on_page(), tuned_table(tuning).on_page())
                 for tuning in report.tunings
             ],
-            candidates=candidates_table(report).on_page(),
+            candidates=ranked_candidates(report).on_page(),
             drawing=drawing_of(report),
             show_cell=show_cell,
             more_candidates=candidates_left_out(report),

@@ -20,6 +20,7 @@ from rarms_iac.model.indexes import show_range, show_value
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.views.graph import candidates_table
 from rarms_iac.views.prove import describe_verdict, proof_time
 from rarms_iac.views.table import Cell, Column, Row, Table, finite
 from rarms_iac.views.tune import partitions_table
@@ -315,10 +316,7 @@ def tuned_table(tuning: PlatformTuning) -> Table:
     return partitions_table(tuning.run.partitions, dict.fromkeys(tuning.outdated, " (outdated)"))
 
 
-CANDIDATES = (Column("components together"), Column("reservation"))
-
-
-def candidates_table(report: Report) -> Table:
+def ranked_candidates(report: Report) -> Table:
     """Return a row for each compound that could reserve less than its parts, at most `MOST_CANDIDATES`.
 
     Measured compounds come first, then those that may save most.
@@ -326,12 +324,11 @@ def candidates_table(report: Report) -> Table:
     ranked = sorted(
         _compounds(report), key=lambda node: (not node.measured, node.low - node.high, len(node.members), node.name)
     )
-    rows = ((" + ".join(node.members), node.label[-1]) for node in ranked[:MOST_CANDIDATES])
-    return Table(CANDIDATES, tuple(rows))
+    return candidates_table(ranked[:MOST_CANDIDATES])
 
 
 def candidates_left_out(report: Report) -> int:
-    """Count the compounds that `candidates_table` leaves out."""
+    """Count the compounds that `ranked_candidates` leaves out."""
     return max(0, len(_compounds(report)) - MOST_CANDIDATES)
 
 

@@ -735,7 +735,7 @@ function Clear-Journal {
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
         started_at = $last.started_at; closing = if ($script:Closing) { $script:Closing } else { $null }
-        robot = if ($last.PSObject.Properties['robot']) { $last.robot } else { '' } # an early version wrote none
+        robot = $last.robot; purpose = $last.purpose
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
@@ -774,7 +774,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     $record = [ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
+        robot = $plan.Robot; purpose = $plan.Purpose; script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past); serials = $script:Serials

@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: Rarms.psm1 BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B.
 #>
 
 #Requires -Version 5.1
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Plan = '43eafdc5e6d6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'import'; Plan = '43eafdc5e6d6'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -49,7 +49,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112'
+    'Rarms.psm1' = 'BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

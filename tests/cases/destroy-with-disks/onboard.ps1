@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo be97e7469579b4e7426945a05a3fc3abdaa20440fc858a2375c1f9f458134531, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 321eb3545d659bac500949ac301201c0818581828f36b17ad548afaff24a2f9a, Rarms.psm1 BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = '933c70374a93'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'be97e7469579b4e7426945a05a3fc3abdaa20440fc858a2375c1f9f458134531'
+        Run = 'apply'; Purpose = 'destroy'; Plan = '933c70374a93'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '321eb3545d659bac500949ac301201c0818581828f36b17ad548afaff24a2f9a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -99,7 +99,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112'
+    'Rarms.psm1' = 'BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

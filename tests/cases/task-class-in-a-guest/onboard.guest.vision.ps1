@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 6328d00c1b8625bef6357060d1a2403e5da75afa5b6f75629c86fc8afd4077c2, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo eff29a738e819e72dddf74233b56bb4e7d649d80cc5d479f43928270a4f23976, Rarms.psm1 BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '6328d00c1b8625bef6357060d1a2403e5da75afa5b6f75629c86fc8afd4077c2'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'eff29a738e819e72dddf74233b56bb4e7d649d80cc5d479f43928270a4f23976'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112'
+    'Rarms.psm1' = 'BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

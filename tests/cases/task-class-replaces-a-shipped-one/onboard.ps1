@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo cb5f7c24d8eef2b3fba78ffe4320ec5d9b3c2fb2abbd4842e124d2f285b354f7, Rarms.psm1 D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo da4a36715858b22531ebae33b7d90b286ecf963ed2598979efb0db25f33e2153, Rarms.psm1 BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd63bfd2b2983'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'cb5f7c24d8eef2b3fba78ffe4320ec5d9b3c2fb2abbd4842e124d2f285b354f7'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'd63bfd2b2983'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'da4a36715858b22531ebae33b7d90b286ecf963ed2598979efb0db25f33e2153'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D3B67F9601EE621A00571AAB85B1C2E807C7ADFB19452A426282E8DD4B671112'
+    'Rarms.psm1' = 'BCEFABC4635E2AB9F9806C7AE8AA1EA1C42DF9F71A167AC0D39138E70505335B'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

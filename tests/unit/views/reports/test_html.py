@@ -21,10 +21,10 @@ from rarms_iac.model.quantities import show_number
 from rarms_iac.model.system import AtMost
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.views.reports.candidates import MOST_NODES, ROW, drawing_of
+from rarms_iac.views.graph import MOST_NODES, ROW, describe_node, drawing_of
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.scale import Scale, round_down, scale_of
-from rarms_iac.views.reports.tables import MOST_CANDIDATES, candidates_table
+from rarms_iac.views.reports.tables import MOST_CANDIDATES, ranked_candidates
 from tests.builders import a_run
 from tests.builders_measured import PROOF, a_series, a_setting
 from tests.robots import a_robot, report_of_logs, the_logs
@@ -174,10 +174,10 @@ def test_possible_compounds_list_measured_first() -> None:
 
     page = as_html(report).decode()
 
-    assert candidates_table(report).rows == (
+    assert ranked_candidates(report).rows == [
         ("a + c", "20 % of its VPs"),
         ("a + b", "20 to 60 % of its VPs, to be measured"),
-    )
+    ]
     assert '<th scope="row">a + c</th><td data-is="Reservation">20 % of its VPs</td>' in page
     assert "more are not listed" not in page
 
@@ -186,7 +186,7 @@ def test_long_compound_list_is_cut_and_says_so() -> None:
     names = tuple("abcdef")
     report = replace(report_of_logs(a_robot(), the_logs(a_robot())), candidates=all_of(names))
 
-    assert len(candidates_table(report).rows) == MOST_CANDIDATES
+    assert len(ranked_candidates(report).rows) == MOST_CANDIDATES
     assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()
 
 
@@ -214,7 +214,7 @@ def test_each_node_is_drawn_once() -> None:
     drawing = drawing_of(report)
 
     assert drawing is not None
-    assert [node.lines for node in drawing.nodes] == [node.label for node in report.candidates]
+    assert [node.lines for node in drawing.nodes] == [(node.name, describe_node(node)) for node in report.candidates]
     assert len(drawing.edges) == sum(len(node.parts) for node in report.candidates)
     places = {(node.x, node.y) for node in drawing.nodes}
     assert len(places) == len(drawing.nodes), "no node lies on another"
