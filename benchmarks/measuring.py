@@ -31,12 +31,12 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, load_share
 from rarms_iac.measuring.run_experiment import decisive
-from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
 from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.outcomes import NotAchievable, WithinNoise
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
+from rarms_iac.model.setting import P1, P2, P2_WEIGHT
 from rarms_iac.model.system import Threshold, run_of
 from rarms_iac.providers.simulated.measuring import demand_of, model_load
 from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, ModelMachine, VirtualMachine

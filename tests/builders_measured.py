@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.setting import Setting
+from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts, Setting
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, TrailSetting, TunedPartition, TuningRun
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of

@@ -24,9 +24,9 @@ from benchmarks.linux.experiments import (
     work_of,
     workbench,
 )
-from rarms_iac.model.environment_setup import P2_WEIGHT
 from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.run import Elapsed, Run, Samples, TimeField
+from rarms_iac.model.setting import P2_WEIGHT
 from rarms_iac.model.system import Component
 from rarms_iac.providers.simulated.scheduling.machine import WINDOW_MS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation

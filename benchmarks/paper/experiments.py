@@ -10,8 +10,8 @@ from itertools import islice
 from statistics import mean
 
 from rarms_iac.manifest.load import load_system
-from rarms_iac.model.environment_setup import P2_WEIGHT
 from rarms_iac.model.loads import Browser, BusyLoop
+from rarms_iac.model.setting import P2_WEIGHT
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.measuring import demand_of
 from rarms_iac.providers.simulated.scheduling.machine import (

@@ -13,16 +13,13 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import DIFFERENT, Diagnostic, Finding, Given
-from rarms_iac.model.environment_setup import CONFINEMENT, GROUP_CONFINEMENT
-from rarms_iac.model.experiment import experiment_of
+from rarms_iac.model.experiment import ProcessorNumber, Used, advice_on_weak_loads, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.processor_number import ProcessorNumber, Used, processor_number
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.setting import SHORT, Setting, most_used
+from rarms_iac.model.setting import CONFINEMENT, GROUP_CONFINEMENT, SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
-from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of

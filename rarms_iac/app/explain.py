@@ -17,10 +17,10 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.capacity import fits
 from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.layout import Layout, PlacedPartition, describe_placement
-from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import (
     LogicalProcessors,
     guaranteed,

@@ -11,7 +11,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest
 from rarms_iac.applying.preconditions import NO_RIGHTS
-from rarms_iac.diff.compare_partitions import NOT_AT_REST
+from rarms_iac.diff.compare import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Severity

@@ -19,7 +19,6 @@ from rarms_iac.app.requests import HostSelection, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import NOT_DONE, Diagnostic, first_of_each_kind, has_errors, in_order
-from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
@@ -27,6 +26,7 @@ from rarms_iac.model.journal import RunKind, history_of
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_percent, show_reserve
 from rarms_iac.model.seen_host import seen_hosts
+from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.combining.candidates import Node

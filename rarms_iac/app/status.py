@@ -15,11 +15,11 @@ from rarms_iac.applying.preconditions import marked_resources, no_rights
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.commands import APPLY, DRIFT, MEASURE, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.journal import PastRun, history_of
 from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Rights, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals

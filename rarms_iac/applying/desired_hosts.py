@@ -7,7 +7,7 @@ from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_robots, unproven_rights
-from rarms_iac.diff.compare_partitions import machine_in_the_way
+from rarms_iac.diff.compare import machine_in_the_way
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.diff.step_context import NO_CLAIM, HostContext, ManifestRules, StepBudget, claim_of

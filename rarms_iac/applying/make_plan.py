@@ -33,8 +33,17 @@ from rarms_iac.manifest.load import load_texts
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, Severity, has_errors, in_order
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, PlanInputs, PlanOrder, Purpose, Step, UnusedPartition
-from rarms_iac.model.plan_names import wrong_name
+from rarms_iac.model.plan import (
+    GuestTask,
+    HostPlan,
+    Plan,
+    PlanInputs,
+    PlanOrder,
+    Purpose,
+    Step,
+    UnusedPartition,
+    wrong_name,
+)
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__

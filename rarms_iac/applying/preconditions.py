@@ -8,8 +8,8 @@ from typing import Any
 from rarms_iac.applying.refusals import OTHERS_RUN
 from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
-from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.host import LinuxHost, SchedulerType
+from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import Application, System
 from rarms_iac.model.wording import natural_order, quoted

@@ -9,12 +9,12 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.diff.compare_partitions import not_at_rest
+from rarms_iac.diff.compare import not_at_rest
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Place
-from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.plan import Purpose
+from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import natural_order, suggestion

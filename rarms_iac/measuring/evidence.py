@@ -11,7 +11,6 @@ from fractions import Fraction
 
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
-from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named
@@ -20,7 +19,7 @@ from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Too
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
-from rarms_iac.model.setting import SHORT, Setting, SettingEvidence
+from rarms_iac.model.setting import P1, P2, SHORT, Setting, SettingEvidence
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.overload import estimate_of_setting
 from rarms_iac.statistics.steady_state import steady_part

@@ -20,8 +20,7 @@ from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
-from rarms_iac.model.environment_setup import P1, P2
-from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.experiment import Experiment, advice_on_weak_loads
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
@@ -51,11 +50,10 @@ from rarms_iac.model.quantities import (
     show_reserve,
 )
 from rarms_iac.model.series import MOST_SAMPLES, Series
-from rarms_iac.model.setting import ALL_PARTITIONS, OutsideWork, Setting, SettingEvidence, most_used
+from rarms_iac.model.setting import ALL_PARTITIONS, P1, P2, OutsideWork, Setting, SettingEvidence, most_used
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Measured, Threshold
 from rarms_iac.model.totals import host_totals
-from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.running.work_places import add_up

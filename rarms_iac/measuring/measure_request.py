@@ -20,7 +20,7 @@ from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortf
 from rarms_iac.measuring.findings import UNABLE, weak_answer
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.diagnostics import MISSING
-from rarms_iac.model.experiment import Experiment, experiments_of
+from rarms_iac.model.experiment import Experiment, ProcessorSource, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.outcomes import (
@@ -34,7 +34,6 @@ from rarms_iac.model.outcomes import (
     Swept,
 )
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import Setting, join_skipped

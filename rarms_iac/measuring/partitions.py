@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
-from rarms_iac.model.environment_setup import P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -26,6 +25,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
+from rarms_iac.model.setting import P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.measuring import ScriptedMeasuringHost

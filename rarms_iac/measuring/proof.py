@@ -25,7 +25,6 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
-from rarms_iac.model.environment_setup import P2, PartitionShape
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -43,7 +42,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds, ReservePercent
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
-from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.setting import P2, PartitionShape, SettingEvidence
 from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work

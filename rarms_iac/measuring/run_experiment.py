@@ -43,10 +43,9 @@ from rarms_iac.measuring.strategies import (
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import DIFFERENT, MISSING, Diagnostic
-from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Swept
-from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition

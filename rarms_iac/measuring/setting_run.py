@@ -23,14 +23,12 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.environment_setup import P1, P2, PartitionShape
-from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.experiment import Experiment, ProcessorSource
 from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFailures
-from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
-from rarms_iac.model.setting import Setting, SettingEvidence
+from rarms_iac.model.setting import P1, P2, PartitionShape, Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.verdicts import until_share

@@ -18,11 +18,10 @@ from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
-from rarms_iac.model.experiment import Experiment, experiments_of
+from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, experiments_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
-from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State

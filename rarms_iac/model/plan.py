@@ -13,6 +13,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.facets import Readings
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import ChosenLayout, Placement, RecordedAnswer
+from rarms_iac.model.names import BETWEEN, is_name, is_task
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import HostFacts, RegistryValue, State, StoppedBy
@@ -272,3 +273,22 @@ class Plan:
 def owner_of(step: Step) -> str:
     """Return the partition that a step belongs to, or the address of a task class of the system itself."""
     return step.address.partition or str(step.address)
+
+
+def wrong_name(part: HostPlan) -> str | None:
+    """Return a name in a host's part of a plan that no manifest can give; None: there is none.
+
+    Names that machines have on their host are not looked at: others than rarms give them.
+    """
+    held_back = [held.change for held in part.held_back]
+    addresses = [each.address for each in (*part.changes, *held_back, *part.steps, *(part.guest_tasks or ()))]
+    operations = [operation for step in part.steps for operation in (step.operation, step.undo.operation)]
+    partitions = [address.partition for address in addresses]
+    partitions += [getattr(each, "partition", "") or getattr(each, "inside", "") for each in operations]
+    tasks = [address.task for address in addresses] + [getattr(each, "task", "") for each in operations]
+    wrong = [
+        *([] if is_name(part.host.name) else [part.host.name]),
+        *(name for name in partitions if name and not is_name(name.removesuffix(BETWEEN))),
+        *(name for name in tasks if name and not is_task(name)),
+    ]
+    return wrong[0] if wrong else None

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.environment_setup import TEST_PARTITIONS
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.setting import TEST_PARTITIONS
 
 
 class Rights(StrEnum):

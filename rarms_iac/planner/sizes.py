@@ -9,9 +9,9 @@ from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.model.diagnostics import UNUSABLE_RESERVE, Diagnostic
+from rarms_iac.model.experiment import ProcessorSource, processor_number
 from rarms_iac.model.host import Host, HypervHost, Mechanism, ProviderKind
 from rarms_iac.model.layout import Making, PlacedPartition
-from rarms_iac.model.processor_number import ProcessorSource, processor_number
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,

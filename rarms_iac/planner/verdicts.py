@@ -12,8 +12,8 @@ from typing import TypeGuard
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
+from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, worst
-from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.model.wording import counted

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import floor
 
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.environment_setup import PartitionShape
 from rarms_iac.model.host import Host, HypervHost
+from rarms_iac.model.setting import PartitionShape
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal

@@ -10,8 +10,7 @@ from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.model.operations import CreatePartition, RestorePartition
-from rarms_iac.model.plan import Scope
-from rarms_iac.model.plan_names import wrong_name
+from rarms_iac.model.plan import Scope, wrong_name
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.wording import quoted, reason_of
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused

@@ -10,12 +10,11 @@ from typing import Protocol, runtime_checkable
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
-from rarms_iac.model.environment_setup import PartitionShape, PlatformFacts
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.setting import PartitionShape, PlatformFacts, SettingEvidence
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues

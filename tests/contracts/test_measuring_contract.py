@@ -17,11 +17,11 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
-from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import P1, P2, EnvironmentSetup
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused

@@ -6,10 +6,10 @@ from typing import get_args
 import pytest
 
 from rarms_iac.model.changes import Address, Change, Create
-from rarms_iac.model.environment_setup import PartitionShape
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, WriteTaskClass, set_to
 from rarms_iac.model.plan import GuestTask, HostPlan
+from rarms_iac.model.setting import PartitionShape
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
 from rarms_iac.powershell.literals import unreadable

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.environment_setup import P1
 from rarms_iac.model.run import SampleCount, Samples, TimeField
-from rarms_iac.model.setting import OutsideWork, SettingEvidence
+from rarms_iac.model.setting import P1, OutsideWork, SettingEvidence
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.interface import HostFailed

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from rarms_iac.applying.doctor import machines, windows
-from rarms_iac.diff.compare_partitions import foreign_marks
+from rarms_iac.diff.compare import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, in_order
 from rarms_iac.model.seen_host import SeenHost
 

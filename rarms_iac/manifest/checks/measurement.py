@@ -8,6 +8,7 @@ from typing import Any
 from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import MISSING, WRONG_VALUE, Finding
+from rarms_iac.model.experiment import advice_on_weak_loads
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, ProviderKind
 from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
@@ -15,7 +16,6 @@ from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
-from rarms_iac.model.weak_loads import advice_on_weak_loads
 from rarms_iac.model.wording import Suggestions
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.distributions import samples_needed

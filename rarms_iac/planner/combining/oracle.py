@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
+from rarms_iac.model.experiment import together
 from rarms_iac.model.host import Host
-from rarms_iac.model.processor_number import together
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, ReservationSource, names_of
 from rarms_iac.planner.verdicts import MeasuredTogether

@@ -8,10 +8,10 @@ from itertools import combinations
 from math import ceil, floor
 from typing import Any, TypeVar
 
+from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.layout import RelaxedLevel
-from rarms_iac.model.processor_number import ProcessorSource
 from rarms_iac.model.quantities import (
     CpuAmount,
     LogicalProcessors,

@@ -13,8 +13,8 @@ from pathlib import Path
 from random import Random
 from threading import Event, Thread
 
+from rarms_iac.model.experiment import most_at_once
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identity
-from rarms_iac.model.processor_number import most_at_once
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, ProcessorKind, Rights
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree

@@ -13,7 +13,6 @@ from pathlib import Path
 from random import Random
 
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
-from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.loads import Interference, is_steady
 from rarms_iac.model.operations import Operation, WriteTaskClass
@@ -21,7 +20,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import ALL_PARTITIONS, SettingEvidence
+from rarms_iac.model.setting import ALL_PARTITIONS, PlatformFacts, SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import reason_of

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.environment_setup import PartitionShape, PlatformFacts
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
+from rarms_iac.model.setting import PartitionShape, PlatformFacts
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.model.wording import last_words, reason_of

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Protocol, assert_never, runtime_checkable
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample
+from rarms_iac.model.setting import PlatformFacts
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused

@@ -12,10 +12,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union

@@ -11,10 +11,10 @@ from enum import Enum
 from fractions import Fraction
 from typing import Any, get_type_hints
 
-from rarms_iac.model.environment_setup import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.keys import Key
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
+from rarms_iac.model.setting import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
 from rarms_iac.storage.json_text import canonical, digest, short

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 from weakref import WeakValueDictionary
 
-from rarms_iac.model.environment_setup import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.series import SampleColumns, columns_of
-from rarms_iac.model.setting import Setting, join_settings
+from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts, Setting, join_settings
 
 FORMAT = "rarms-datalog/3"
 

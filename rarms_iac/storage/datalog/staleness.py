@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TypeVar
 
-from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.setting import PlatformFacts
 from rarms_iac.storage.datalog.identity import FILE, PROCESSORS, can_change_indexes
 from rarms_iac.storage.datalog.log import DataLog, Header, Identity, LogFile
 

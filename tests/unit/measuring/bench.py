@@ -17,8 +17,8 @@ from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.run_experiment import ExperimentRun, available_on_host, measure_settings
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import Search, Searching, SettingCount, Strategy, Sweep, goal_of, strategy_of
-from rarms_iac.model.environment_setup import PlatformFacts
 from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.setting import PlatformFacts
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.storage.datalog.files import read_log

@@ -13,16 +13,14 @@ from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
 from rarms_iac.measuring.findings import describe_idle, findings_of, work_of_settings
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
-from rarms_iac.model.environment_setup import P1, P2
-from rarms_iac.model.experiment import Experiment, experiment_of
+from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient, TooManyFailures
-from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, SkippedLines
-from rarms_iac.model.setting import OutsideWork, Setting, SettingEvidence
+from rarms_iac.model.setting import P1, P2, OutsideWork, Setting, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from rarms_iac.storage.codec import decode, encode
 from rarms_iac.storage.datalog.log import Provenance, Recorded

@@ -17,7 +17,6 @@ from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.strategies import SettingCount, Sweep, goal_of
-from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import (
     Measure,
@@ -30,7 +29,7 @@ from rarms_iac.model.outcomes import (
     Unsteady,
 )
 from rarms_iac.model.run import SampleCount
-from rarms_iac.model.setting import Setting, SettingEvidence
+from rarms_iac.model.setting import P1, P2, Setting, SettingEvidence
 from rarms_iac.model.system import Threshold
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedRun
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine

@@ -20,9 +20,8 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
-from rarms_iac.model.environment_setup import P1, P2, EnvironmentSetup
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.setting import P1, P2, EnvironmentSetup, SettingEvidence
 from rarms_iac.model.state import RunState, State
 from rarms_iac.providers.cgroups.definitions import slice_limit
 from rarms_iac.providers.interface import HostRefused

@@ -11,10 +11,9 @@ import pytest
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.run_experiment import by_partition, decisive, next_experiment, with_result
 from rarms_iac.measuring.strategies import Method, Search, Sweep
-from rarms_iac.model.environment_setup import P1, P2
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
-from rarms_iac.model.setting import OutsideWork, SettingEvidence
+from rarms_iac.model.setting import P1, P2, OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from tests.builders import a_component, a_host, a_system
 from tests.measuring import leave_logs, rewrite_log, the_log, with_weak_load

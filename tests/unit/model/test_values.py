@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.model.experiment import ProcessorNumber, ProcessorSource, most_at_once, processor_number, together
 from rarms_iac.model.host import SchedulerType, SimulatedHost, host_identity
 from rarms_iac.model.indexes import INDEXES, find_index, percentile_of
-from rarms_iac.model.processor_number import ProcessorNumber, ProcessorSource, most_at_once, processor_number, together
 from rarms_iac.model.quantities import (
     LogicalProcessors,
     NotAQuantity,

@@ -9,8 +9,8 @@ from math import ceil, inf, log, sqrt
 from random import Random
 from typing import assert_never
 
+from rarms_iac.model.experiment import most_at_once
 from rarms_iac.model.loads import LONGEST_GAP, SHORTEST_GAP, Browser, BusyLoop
-from rarms_iac.model.processor_number import most_at_once
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler, OperatingSystem
 from rarms_iac.providers.simulated.scheduling.machine import (
     INSTANT,

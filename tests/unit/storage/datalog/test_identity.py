@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.model.environment_setup import EnvironmentSetup
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import Browser, CommandLoad
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount, Samples, Stop, TimeField
+from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import Identity
