@@ -399,7 +399,7 @@ def test_growing_use_begins_a_new_curve(
         ran = rarms("measure")
         seen = recorded()
 
-    assert ran.err.count("eyes beside busy-loop on onboard (simulated): 1 to 8 settings") == 2
+    assert ran.err.count("eyes with busy-loop on onboard (simulated): 1 to 8 settings") == 2
     assert "RARMS380" in ran.err
     assert {processors for processors, used in seen if used == 2} == {1, 2}
     of_two = [processors for processors, _ in seen if processors == 2]
