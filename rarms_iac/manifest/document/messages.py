@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from rarms_iac.manifest.document.marks import FORMS
-from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at, keys_for, keys_of_map
+from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_for, keys_of_map, shape_at
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.tree import dotted
 from rarms_iac.model.diagnostics import MISSING, UNKNOWN_KEY, UNKNOWN_NAME, WRONG_VALUE, Diagnostic, Place, remainder
@@ -129,7 +129,7 @@ def _wrong(error: StructureError, template: str, advice: str, **facts: Any) -> D
 
 def _unknown_key(error: StructureError) -> Diagnostic:
     *around, key = error.path
-    known = keys_at(tuple(around))
+    known = shape_at(tuple(around)).keys
     advice = question(did_you_mean(str(key), known)) or f"The keys allowed here are {', '.join(known)}."
     if str(key)[:1].isdigit():  # of `{ at_most: 0,1 s }` YAML makes two keys
         advice = "Write a decimal point where a comma is meant: { at_most: 0.1 s }."
@@ -148,7 +148,7 @@ def _meant_key(error: StructureError) -> Path | None:
     if error.kind != "extra_forbidden":
         return None
     *around, key = error.path
-    meant = did_you_mean(str(key), keys_at(tuple(around)))
+    meant = did_you_mean(str(key), shape_at(tuple(around)).keys)
     return None if meant is None else (*around, meant)
 
 

@@ -2,17 +2,17 @@
 
 import json
 import re
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Iterable, Iterator
+from functools import cache, reduce
 from typing import Any, cast
 
-from rarms_iac.manifest.document.reader import manifest_blocks
+from rarms_iac.manifest.document.reader import Json, manifest_blocks
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 @cache
-def manifest_schema() -> dict[str, Any]:
+def manifest_schema() -> Json:
     """Return the schema that `schemas/manifest.json` holds; callers do not change it."""
     blocks = dict(manifest_blocks())
     whole = blocks.pop("System")
@@ -24,13 +24,13 @@ _REPLACED_WHOLE = frozenset({"samples", "until"})
 
 
 @cache
-def overlay_schema() -> dict[str, Any]:
+def overlay_schema() -> Json:
     """Return the schema that `schemas/overlay.json` holds.
 
     Keys of the manifest may be absent there, or null to remove them.
     """
     whole = manifest_schema()
-    made: dict[str, Any] = _relaxed({key: value for key, value in whole.items() if key != "$defs"})
+    made: Json = _relaxed({key: value for key, value in whole.items() if key != "$defs"})
     blocks = {name: _relaxed(block) for name, block in whole["$defs"].items()}
     originals = {f"Whole{name}": _renamed(block) for name, block in whole["$defs"].items()}
     title = "Overlay of a rarms manifest: only what differs from it."
@@ -55,17 +55,17 @@ def _relaxed(schema: Any) -> Any:
     return made
 
 
-def _overlaid(key: str, schema: dict[str, Any]) -> dict[str, Any]:
+def _overlaid(key: str, schema: Json) -> Json:
     """Return a field of this name in an overlay."""
     if key in _REPLACED_WHOLE:
-        return cast(dict[str, Any], _renamed(schema))
+        return cast(Json, _renamed(schema))
     if key == "apt":
         indexes = {
             keyword: {name: _or_null(index) for name, index in schema[keyword].items()}
             for keyword in ("properties", "patternProperties")
         }
         return {**schema, **indexes}
-    return cast(dict[str, Any], _relaxed(schema))
+    return cast(Json, _relaxed(schema))
 
 
 def _renamed(schema: Any) -> Any:
@@ -81,12 +81,12 @@ def _renamed(schema: Any) -> Any:
     return made
 
 
-def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
+def _or_null(schema: Json) -> Json:
     outside = {key: value for key, value in schema.items() if key in {"description", "errorMessage"}}
     return {**outside, "anyOf": [schema, {"type": "null"}]}
 
 
-def _reachable(schema: dict[str, Any], blocks: dict[str, Any]) -> dict[str, Any]:
+def _reachable(schema: Json, blocks: Json) -> Json:
     """Return the blocks that the schema leads to, by name."""
     names, waiting = set[str](), [schema]
     while waiting:
@@ -99,15 +99,76 @@ def _reachable(schema: dict[str, Any], blocks: dict[str, Any]) -> dict[str, Any]
 Path = tuple[str | int, ...]
 
 
-def keys_at(path: Path) -> tuple[str, ...]:
-    """Return the keys that a block at this path may have; none where its keys are free names."""
-    return tuple(dict.fromkeys(key for schema in _schemas(path) for key in schema.get("properties", {})))
+class Shape:
+    """What may stand at a place of the manifest: the schemas of it, and their alternatives."""
+
+    def __init__(self, schemas: Iterable[Json]) -> None:
+        self.schemas = tuple(each for schema in schemas for each in _alternatives(schema))
+        self.keys = tuple(dict.fromkeys(key for schema in self.schemas for key in schema.get("properties", {})))
+        self._named = [named for schema in self.schemas for named in _schemas_of_any_name(schema)]
+        self._below: dict[str | int, Shape] = {}
+
+    @property
+    def has_names(self) -> bool:
+        """Whether users name its keys."""
+        return bool(self._named)
+
+    @property
+    def is_quantity(self) -> bool:
+        """Whether a text with a unit may stand here."""
+        return any("examples" in schema for schema in self.schemas)  # as `quantity_schema` has them
+
+    def rank(self, key: str) -> int:
+        """Return where a key stands in the canonical order; unknown keys and those that users name come last."""
+        return self.keys.index(key) if key in self.keys and not self.has_names else len(self.keys)
+
+    def of(self, step: str | int) -> "Shape":
+        """Return the shape of the value under a key, or of an item of a list."""
+        kind = step if step in self.keys else "" if isinstance(step, str) else 0
+        if kind not in self._below:
+            self._below[kind] = Shape(self._children(kind))
+        return self._below[kind]
+
+    def _children(self, kind: str | int) -> Iterator[Json]:
+        for schema in self.schemas:
+            if kind in schema.get("properties", {}):
+                yield schema["properties"][kind]
+            elif kind == 0 and "items" in schema:
+                yield schema["items"]
+        if kind == "":
+            yield from self._named
+
+
+def _schemas_of_any_name(schema: Json) -> Iterator[Json]:
+    yield from schema.get("patternProperties", {}).values()
+    if isinstance(schema.get("additionalProperties"), dict):
+        yield schema["additionalProperties"]
+
+
+def _alternatives(schema: Json) -> Iterator[Json]:
+    """Yield the schema itself, what it refers to, and each of its alternatives."""
+    yield schema
+    if "$ref" in schema:
+        yield from _alternatives(manifest_schema()["$defs"][schema["$ref"].removeprefix("#/$defs/")])
+    for choice in (*schema.get("oneOf", ()), *schema.get("anyOf", ())):
+        yield from _alternatives(choice)
+
+
+@cache
+def manifest_shape() -> Shape:
+    """Return the shape of a whole manifest; an overlay has the same."""
+    return Shape([manifest_schema()])
+
+
+def shape_at(path: Path) -> Shape:
+    """Return the shape of the value at this path."""
+    return reduce(Shape.of, path, manifest_shape())
 
 
 def choices_at(path: Path) -> tuple[str, ...]:
     """Return the values that may stand at this path; none where there are too many to list."""
     found: list[str] = []
-    for schema in _schemas(path):
+    for schema in shape_at(path).schemas:
         found += [str(value) for value in schema.get("enum", ())]
         if "const" in schema:
             found.append(str(schema["const"]))
@@ -116,7 +177,7 @@ def choices_at(path: Path) -> tuple[str, ...]:
 
 def keys_of_map(path: Path) -> tuple[str, ...]:
     """Return the keys that a map at this path must have; none where no map may stand there, or it needs none."""
-    maps = (schema for schema in _schemas(path) if schema.get("additionalProperties") is False)
+    maps = (schema for schema in shape_at(path).schemas if schema.get("additionalProperties") is False)
     return tuple(dict.fromkeys(key for schema in maps for key in schema.get("required", ())))
 
 
@@ -125,12 +186,13 @@ def keys_for(path: Path, value: str | int) -> tuple[str, ...]:
 
     Where the map needs keys, only those are returned.
     """
-    properties = [key for schema in _schemas(path) if "type" in schema for key in schema.get("properties", ())]
-    found = [key for key in dict.fromkeys(properties) if any(_takes(each, value) for each in _schemas((*path, key)))]
-    return tuple(key for key in found if key in keys_of_map(path)) or tuple(found)
+    shape = shape_at(path)
+    keys = dict.fromkeys(key for schema in shape.schemas if "type" in schema for key in schema.get("properties", ()))
+    found = tuple(key for key in keys if any(_takes(schema, value) for schema in shape.of(key).schemas))
+    return tuple(key for key in found if key in keys_of_map(path)) or found
 
 
-def _takes(schema: dict[str, Any], value: str | int) -> bool:
+def _takes(schema: Json, value: str | int) -> bool:
     """Whether a scalar's own schema takes the value; a schema that takes any text does not count."""
     if isinstance(value, int):
         return schema.get("type") == "integer" and schema.get("minimum", value) <= value <= schema.get("maximum", value)
@@ -140,34 +202,4 @@ def _takes(schema: dict[str, Any], value: str | int) -> bool:
 
 def describe(path: Path) -> str:
     """Return the description of the field at this path; empty where there is none."""
-    return next((schema["description"] for schema in _schemas(path) if "description" in schema), "")
-
-
-def _schemas(path: Path) -> list[dict[str, Any]]:
-    found = list(alternatives(manifest_schema()))
-    for step in path:
-        found = [
-            alternative for schema in found for child in _children(schema, step) for alternative in alternatives(child)
-        ]
-    return found
-
-
-def alternatives(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the schema itself, what it refers to, and each of its alternatives."""
-    yield schema
-    if "$ref" in schema:
-        yield from alternatives(manifest_schema()["$defs"][schema["$ref"].removeprefix("#/$defs/")])
-    for choice in (*schema.get("oneOf", ()), *schema.get("anyOf", ())):
-        yield from alternatives(choice)
-
-
-def _children(schema: dict[str, Any], step: str | int) -> Iterator[dict[str, Any]]:
-    if isinstance(step, int):
-        if "items" in schema:
-            yield schema["items"]
-    elif step in schema.get("properties", {}):
-        yield schema["properties"][step]
-    else:
-        yield from (child for pattern, child in schema.get("patternProperties", {}).items() if re.search(pattern, step))
-        if isinstance(schema.get("additionalProperties"), dict):
-            yield schema["additionalProperties"]
+    return next((schema["description"] for schema in shape_at(path).schemas if "description" in schema), "")

@@ -2,13 +2,9 @@
 
 import re
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache
-from itertools import chain
-from typing import Any
+from dataclasses import dataclass
 
-from rarms_iac.manifest.document.schema import alternatives, manifest_schema
+from rarms_iac.manifest.document.schema import Shape, manifest_shape
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, Tree
 
 WIDTH = 100
@@ -28,44 +24,6 @@ _PLAIN = re.compile(r"(?:[\w./]|--?\w)(?:[\w ./+=@~%,-]|:(?=\w))*")
 _BREAKS_FLOW = re.compile(r"[,\[\]{}:?]")
 _QUANTITY = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([A-Za-z%/]+)")
 _SHORT_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\0": "\\0"}
-
-
-@dataclass(frozen=True, slots=True)
-class ValueShape:
-    """What the formatter knows of a value: its known keys in order, or what stands under any name."""
-
-    keys: Mapping[str, "ValueShape"] = field(default_factory=dict)
-    each: "ValueShape | None" = None  # the shape of every value of a map that the user names
-    is_quantity: bool = False
-
-    def of(self, key: str) -> "ValueShape":
-        """Return the shape of the value under this key."""
-        return self.keys.get(key) or self.each or VALUE
-
-
-VALUE = ValueShape()
-
-
-@cache
-def manifest_shape() -> ValueShape:
-    """Return the whole manifest; an overlay has the same shape."""
-    return _shape([manifest_schema()])
-
-
-def _shape(schemas: list[dict[str, Any]]) -> ValueShape:
-    """Return what may stand where one of these schemas holds."""
-    keys: dict[str, list[dict[str, Any]]] = {}
-    named: list[dict[str, Any]] = []
-    is_quantity = False
-    for schema in chain.from_iterable(map(alternatives, schemas)):
-        for key, value in schema.get("properties", {}).items():
-            keys.setdefault(key, []).append(value)
-        any_name = schema.get("additionalProperties")
-        named += [*schema.get("patternProperties", {}).values(), *([any_name] if isinstance(any_name, dict) else [])]
-        is_quantity |= "examples" in schema  # as `quantity_schema` has them
-    if named:
-        return ValueShape(each=_shape([*named, *(value for values in keys.values() for value in values)]))
-    return ValueShape(keys={key: _shape(values) for key, values in keys.items()}, is_quantity=is_quantity)
 
 
 class KeyTooLong(ValueError):
@@ -95,13 +53,13 @@ def write_tree(tree: Tree) -> str:
     return _text(_collection(root, shape, 0, sections=True))
 
 
-def write_entry(entry: Entry, shape: ValueShape, indent: int) -> list[str]:
+def write_entry(entry: Entry, shape: Shape, indent: int) -> list[str]:
     """Return the lines of one new entry of a block whose shape is `shape`."""
     part = _entry(entry, shape, indent, sections=False)
     return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
 
 
-def write_flow(node: Node, shape: ValueShape) -> str:
+def write_flow(node: Node, shape: Shape) -> str:
     """Return the value on one line, however long, as it stands inside a flow collection."""
     written = _inline(_all_flow(node), shape, sys.maxsize)
     assert written is not None, "a new value has no comments and is all flow"
@@ -128,16 +86,16 @@ class _WrittenEntry:
     lines: list[WrittenLine]
 
 
-def _collection(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[WrittenLine]:
+def _collection(node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[WrittenLine]:
     """Return the lines of a collection in block form; between `sections` that are blocks stands a blank line."""
     return _joined(_parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
 
-def _parts(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
+def _parts(node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
     return [_entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
 
-def _entry(entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
+def _entry(entry: Entry, shape: Shape, indent: int, *, sections: bool) -> _WrittenEntry:
     """Return a key with its value, or an item with its dash."""
     inner = _inner(entry, shape)
     head = " " * indent + (_key(entry.key) if entry.key else "-")
@@ -148,13 +106,13 @@ def _entry(entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _
     if short is not None:
         return _WrittenEntry(entry.before, [WrittenLine(f"{head} {short}", entry.trailing)])
     if entry.key:
-        named = sections and value.is_mapping and inner.each is not None
+        named = sections and value.is_mapping and inner.has_names
         below = _collection(value, inner, indent + 2, sections=named)
         return _WrittenEntry(entry.before, [WrittenLine(head, entry.trailing), *below])
     return _item(entry, value, inner, indent)
 
 
-def _scalar(entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
+def _scalar(entry: Entry, value: Scalar, head: str, shape: Shape, indent: int) -> list[WrittenLine]:
     """Return a scalar behind its key or dash, on one line or as a block."""
     block = _block_lines(value, WIDTH - indent - 2)
     if block is None:
@@ -164,7 +122,7 @@ def _scalar(entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: i
     return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
 
-def _item(entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
+def _item(entry: Entry, value: Collection, shape: Shape, indent: int) -> _WrittenEntry:
     """Return an item that is a block.
 
     Its first line begins behind the dash, and what was above that line moves up.
@@ -191,19 +149,18 @@ def _joined(parts: list[_WrittenEntry], tail: list[str], indent: int, *, section
     return [*lines, *_comment_lines(tail, indent)]
 
 
-def _inner(entry: Entry, shape: ValueShape) -> ValueShape:
-    return shape.of(entry.key.text) if entry.key else shape.each or VALUE
+def _inner(entry: Entry, shape: Shape) -> Shape:
+    return shape.of(entry.key.text if entry.key else 0)
 
 
-def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
+def _ordered(node: Collection, shape: Shape) -> list[Entry]:
     """Return the entries in canonical order; unknown keys keep theirs, after the known ones."""
-    if not node.is_mapping or not shape.keys:
+    if not node.is_mapping or shape.has_names:
         return node.entries
-    place = {key: number for number, key in enumerate(shape.keys)}
-    return sorted(node.entries, key=lambda entry: place.get(entry.key.text if entry.key else "", len(place)))
+    return sorted(node.entries, key=lambda entry: shape.rank(entry.key.text if entry.key else ""))
 
 
-def _keep_header(root: Collection, shape: ValueShape) -> None:
+def _keep_header(root: Collection, shape: Shape) -> None:
     """Keep the file's own comment, ended by a blank line, at its top when another key comes first."""
     ordered = _ordered(root, shape)
     if not ordered or ordered[0] is root.entries[0]:
@@ -215,7 +172,7 @@ def _keep_header(root: Collection, shape: ValueShape) -> None:
         is_first.before = [*header, "", *_without_leading_blank(is_first.before)]
 
 
-def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
+def _inline(node: Node, shape: Shape, room: int) -> str | None:
     """Return a collection on one line, where the user wrote it so and it is short enough; empty ones always."""
     if isinstance(node, Scalar):
         return _one_line(node, flow=True, quantity=shape.is_quantity)
