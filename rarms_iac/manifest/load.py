@@ -10,9 +10,8 @@ from rarms_iac.manifest.acceptance import with_acceptances_in_force
 from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text, read_yaml
-from rarms_iac.manifest.text.tree import FirstLine, Node, Scalar
-from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import NOT_READ, Diagnostic, Place, Places, has_errors, in_order
+from rarms_iac.manifest.text.tree import Node, Scalar, first_line
+from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
 from rarms_iac.model.names import is_name, robot_of
 from rarms_iac.model.plan import InputText
 from rarms_iac.model.system import System
@@ -119,37 +118,24 @@ def _load(
     texts: list[ParsedText], today: date, checks: Callable[[System, Places, date], Iterable[Diagnostic]]
 ) -> Loaded:
     if any(not text.readable for text in texts):
-        return _loaded(texts, None, FirstLine(texts[0].source.file), [])
-    empty = [_is_empty(text, overlay=text is not texts[0]) for text in texts if text.value is None]
-    if empty:
-        return _loaded(texts, None, FirstLine(texts[0].source.file), empty)
-    combined = combine(texts)
-    places = combined.places
-    if has_errors(combined.diagnostics):
-        return _loaded(texts, None, places, list(combined.diagnostics))
+        return _loaded(texts, None, first_line(texts[0].source.file), [])
+    value, places, about_overlays = combine(texts)
+    if has_errors(about_overlays):
+        return _loaded(texts, None, places, about_overlays)
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
     from rarms_iac.manifest.document.messages import findings_of_structure, not_a_robot
     from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 
     try:
-        system = validate_document(combined.value, places)
+        system = validate_document(value, places)
     except NotAManifest as problem:
-        return _loaded(texts, None, places, [*combined.diagnostics, *findings_of_structure(problem)])
+        return _loaded(texts, None, places, [*about_overlays, *findings_of_structure(problem)])
     robot = robot_of([text.source.file for text in texts[1:]])
     if texts[1:] and not is_name(robot):
         return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     system = replace(system, application=replace(system.application, robot=robot))
-    found = [*combined.diagnostics, *checks(system, places, today)]
+    found = [*about_overlays, *checks(system, places, today)]
     return _loaded(texts, with_acceptances_in_force(system, today), places, found)
-
-
-def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
-    advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
-    if overlay:
-        advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
-    return NOT_READ.at(
-        Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice, file=text.source.file
-    )
 
 
 def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:

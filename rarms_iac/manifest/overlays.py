@@ -6,7 +6,7 @@ relative to the manifest's folder, because the overlay may be in another folder.
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, TypeGuard
 
@@ -50,20 +50,11 @@ _COMMANDS = (
 YamlPath = tuple[str | int, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Combined:
-    """The values after all overlays, and the place of each; `diagnostics` may have errors."""
-
-    value: Any
-    places: Places
-    diagnostics: tuple[Diagnostic, ...]
-
-
-def combine(texts: Sequence[ParsedText]) -> Combined:
-    """Return a manifest and its overlays as one; later overlays win."""
+def combine(texts: Sequence[ParsedText]) -> tuple[Any, Places, list[Diagnostic]]:
+    """Return the values after all overlays, of which the later win, their places, and what is wrong with overlays."""
     manifest, *overlays = texts
     if not overlays:
-        return Combined(value=manifest.value, places=ManifestPlaces(lambda: manifest.tree().root), diagnostics=())
+        return manifest.value, ManifestPlaces(lambda: manifest.tree().root), []
     merged = manifest.tree().root
     wrong: list[Diagnostic] = []
     suggestions = Suggestions()
@@ -80,7 +71,7 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
             wrong += _unknown_names(merged, node, suggestions)
             merged = _merged(merged, _relative(node, overlay.source.folder, manifest.source.folder, ()), ())
     whole = merged
-    return Combined(value=plain(whole), places=ManifestPlaces(lambda: whole), diagnostics=tuple(wrong))
+    return plain(whole), ManifestPlaces(lambda: whole), wrong
 
 
 def _is_mapping(node: Node) -> TypeGuard[Collection]:

@@ -13,7 +13,7 @@ from math import ceil, inf
 from typing import assert_never
 
 from rarms_iac.app.control import Control
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.duration import least_samples
 from rarms_iac.measuring.evidence import MeasuredIndex, with_memory_kills
 from rarms_iac.measuring.partitions import (
@@ -391,13 +391,13 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_
         PartitionWork(
             partition=name,
             components=members,
-            classes=classes_of(members, layout.tasks, name, FirstLine(file="")).classes,
+            classes=classes_of(members, layout.tasks, name, first_line("")).classes,
             deadline_period_us=layout.deadline_periods_us.get(name),
         )
         for name, members in sorted(layout.partitions.items())
     ]
     if layout.on_host:
-        classes = classes_of(layout.on_host, layout.tasks, "", FirstLine(file="")).classes
+        classes = classes_of(layout.on_host, layout.tasks, "", first_line("")).classes
         partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
     if load is not None:
         partitions.append(PartitionWork(partition=P2, load=load))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with_memory_kills
 from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (
@@ -105,7 +105,7 @@ def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, Part
 
 def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
     """Return the task classes that the members name, as a plan would set them in a partition of just these."""
-    return classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
+    return classes_of(experiment.members, experiment.tasks, P1, first_line("")).classes
 
 
 def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting | SettingFailed | Stopped:

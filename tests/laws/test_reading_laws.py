@@ -20,7 +20,7 @@ from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.document.validate_document import NotAManifest, validate_document
 from rarms_iac.manifest.load import load_system
 from rarms_iac.manifest.text.reading import read_text
-from rarms_iac.manifest.text.tree import FirstLine, ManifestPlaces, plain
+from rarms_iac.manifest.text.tree import ManifestPlaces, first_line, plain
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.journal import RunClosed, RunStarted, ScriptStarted, StepRecorded
 from rarms_iac.model.state import State
@@ -242,7 +242,7 @@ def _mutate(document: Any, dice: random.Random) -> None:
 
 def _rarms_takes(document: Any) -> bool:
     try:
-        validate_document(document, FirstLine("rarms.yaml"))
+        validate_document(document, first_line("rarms.yaml"))
     except NotAManifest as problem:
         # What month has 31 days is beyond JSON Schema, and no matter of structure.
         note(str(problem))

@@ -16,7 +16,7 @@ from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import findings_as
 from rarms_iac.views.json_output import json_of
@@ -77,7 +77,7 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
             form,
             checked.findings,
             checked.sources,
-            places=FirstLine(manifest_path(named[0])),
+            places=first_line(manifest_path(named[0])),
             accepted=checked.accepted,
         ),
     )

@@ -16,7 +16,7 @@ from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.views.pull_request import is_for_findings, no_plan_as, plan_as
 
@@ -46,7 +46,7 @@ def plan_command(
     no plan.
     """
     outputs = options.targets(session)
-    places: Places = FirstLine(manifest_path(source.manifest))
+    places: Places = first_line(manifest_path(source.manifest))
     try:
         manifest = load_manifest(source)
         places = manifest.places

@@ -99,14 +99,14 @@ def _reachable(schema: Json, blocks: Json) -> Json:
 Path = tuple[str | int, ...]
 
 
-class Shape:
+class ValueShape:
     """What may stand at a place of the manifest: the schemas of it, and their alternatives."""
 
     def __init__(self, schemas: Iterable[Json]) -> None:
         self.schemas = tuple(each for schema in schemas for each in _alternatives(schema))
         self.keys = tuple(dict.fromkeys(key for schema in self.schemas for key in schema.get("properties", {})))
         self._named = [named for schema in self.schemas for named in _schemas_of_any_name(schema)]
-        self._below: dict[str | int, Shape] = {}
+        self._below: dict[str | int, ValueShape] = {}
 
     @property
     def has_names(self) -> bool:
@@ -122,11 +122,11 @@ class Shape:
         """Return where a key stands in the canonical order; unknown keys and those that users name come last."""
         return self.keys.index(key) if key in self.keys and not self.has_names else len(self.keys)
 
-    def of(self, step: str | int) -> "Shape":
+    def of(self, step: str | int) -> "ValueShape":
         """Return the shape of the value under a key, or of an item of a list."""
         kind = step if step in self.keys else "" if isinstance(step, str) else 0
         if kind not in self._below:
-            self._below[kind] = Shape(self._children(kind))
+            self._below[kind] = ValueShape(self._children(kind))
         return self._below[kind]
 
     def _children(self, kind: str | int) -> Iterator[Json]:
@@ -155,14 +155,14 @@ def _alternatives(schema: Json) -> Iterator[Json]:
 
 
 @cache
-def manifest_shape() -> Shape:
+def manifest_shape() -> ValueShape:
     """Return the shape of a whole manifest; an overlay has the same."""
-    return Shape([manifest_schema()])
+    return ValueShape([manifest_schema()])
 
 
-def shape_at(path: Path) -> Shape:
+def shape_at(path: Path) -> ValueShape:
     """Return the shape of the value at this path."""
-    return reduce(Shape.of, path, manifest_shape())
+    return reduce(ValueShape.of, path, manifest_shape())
 
 
 def choices_at(path: Path) -> tuple[str, ...]:

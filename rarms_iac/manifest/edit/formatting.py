@@ -11,8 +11,7 @@ from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
 from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import place_of_node
-from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import NOT_READ, WRONG_VALUE, Diagnostic, Place, has_errors
+from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Place, has_errors
 
 
 class CannotFormat(ValueError):
@@ -44,7 +43,11 @@ def read_manifest(text: str, file: str = "rarms.yaml") -> ParsedText:
 
 
 def _check_manifest(parsed: ParsedText) -> None:
-    diagnostics = (*parsed.diagnostics, *_no_mapping(parsed))
+    diagnostics = parsed.diagnostics
+    if parsed.readable and not isinstance(parsed.value, dict):
+        file, advice = parsed.source.file, "Begin with `schema: rarms/v1`."
+        place = Place(file=file, line=1, column=1)
+        diagnostics += (WRONG_VALUE.at(place, "A manifest is a map of keys to values.", advice, file=file),)
     if has_errors(diagnostics):
         raise CannotFormat(diagnostics)
 
@@ -63,20 +66,6 @@ def format_tree(parsed: ParsedText) -> str:
         raise CannotFormat(
             (WRONG_VALUE.at(place, "This key is too long: {reason}.", "Use a shorter name.", reason=str(problem)),)
         ) from None
-
-
-def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
-    place = Place(file=parsed.source.file, line=1, column=1)
-    if not parsed.readable or isinstance(parsed.value, dict):
-        return []
-    if parsed.value is None:
-        advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
-        return [NOT_READ.at(place, "The file has only comments.", advice, file=parsed.source.file)]
-    return [
-        WRONG_VALUE.at(
-            place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.", file=parsed.source.file
-        )
-    ]
 
 
 def diff_text(before: str, after: str, name: str, changed: str = "formatted") -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.manifest.document.schema import Shape, manifest_shape
+from rarms_iac.manifest.document.schema import ValueShape, manifest_shape
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_text, format_tree, read_manifest
 from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, Tree, is_null
@@ -118,7 +118,7 @@ class _Step:
     """A key on the way: the map that has it, what is known of that map, and the key with its value."""
 
     parent: Collection
-    shape: Shape
+    shape: ValueShape
     entry: Entry
 
     @property
@@ -135,7 +135,7 @@ class _Route:
     tree: Tree
     steps: tuple[_Step, ...]
     end: Node
-    shape: Shape  # of `end`
+    shape: ValueShape  # of `end`
     missing: tuple[str, ...]
 
     @property
@@ -288,7 +288,7 @@ def _flow_end(text: str, entry: Entry) -> int:
     return max(colon, _span(text, entry.value, colon)[1])
 
 
-def _sibling_before(node: Collection, shape: Shape, name: str) -> Entry | None:
+def _sibling_before(node: Collection, shape: ValueShape, name: str) -> Entry | None:
     """Return the last entry that canonically stands before the new key."""
     before = [entry for entry in node.entries if shape.rank(_key_of(entry).text) <= shape.rank(name)]
     return before[-1] if before else None

@@ -4,7 +4,7 @@ import re
 import sys
 from dataclasses import dataclass
 
-from rarms_iac.manifest.document.schema import Shape, manifest_shape
+from rarms_iac.manifest.document.schema import ValueShape, manifest_shape
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, Tree
 
 WIDTH = 100
@@ -53,13 +53,13 @@ def write_tree(tree: Tree) -> str:
     return _text(_collection(root, shape, 0, sections=True))
 
 
-def write_entry(entry: Entry, shape: Shape, indent: int) -> list[str]:
+def write_entry(entry: Entry, shape: ValueShape, indent: int) -> list[str]:
     """Return the lines of one new entry of a block whose shape is `shape`."""
     part = _entry(entry, shape, indent, sections=False)
     return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
 
 
-def write_flow(node: Node, shape: Shape) -> str:
+def write_flow(node: Node, shape: ValueShape) -> str:
     """Return the value on one line, however long, as it stands inside a flow collection."""
     written = _inline(_all_flow(node), shape, sys.maxsize)
     assert written is not None, "a new value has no comments and is all flow"
@@ -86,16 +86,16 @@ class _WrittenEntry:
     lines: list[WrittenLine]
 
 
-def _collection(node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[WrittenLine]:
+def _collection(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[WrittenLine]:
     """Return the lines of a collection in block form; between `sections` that are blocks stands a blank line."""
     return _joined(_parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
 
-def _parts(node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
+def _parts(node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
     return [_entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
 
-def _entry(entry: Entry, shape: Shape, indent: int, *, sections: bool) -> _WrittenEntry:
+def _entry(entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
     """Return a key with its value, or an item with its dash."""
     inner = _inner(entry, shape)
     head = " " * indent + (_key(entry.key) if entry.key else "-")
@@ -112,7 +112,7 @@ def _entry(entry: Entry, shape: Shape, indent: int, *, sections: bool) -> _Writt
     return _item(entry, value, inner, indent)
 
 
-def _scalar(entry: Entry, value: Scalar, head: str, shape: Shape, indent: int) -> list[WrittenLine]:
+def _scalar(entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
     """Return a scalar behind its key or dash, on one line or as a block."""
     block = _block_lines(value, WIDTH - indent - 2)
     if block is None:
@@ -122,7 +122,7 @@ def _scalar(entry: Entry, value: Scalar, head: str, shape: Shape, indent: int) -
     return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
 
-def _item(entry: Entry, value: Collection, shape: Shape, indent: int) -> _WrittenEntry:
+def _item(entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
     """Return an item that is a block.
 
     Its first line begins behind the dash, and what was above that line moves up.
@@ -149,18 +149,18 @@ def _joined(parts: list[_WrittenEntry], tail: list[str], indent: int, *, section
     return [*lines, *_comment_lines(tail, indent)]
 
 
-def _inner(entry: Entry, shape: Shape) -> Shape:
+def _inner(entry: Entry, shape: ValueShape) -> ValueShape:
     return shape.of(entry.key.text if entry.key else 0)
 
 
-def _ordered(node: Collection, shape: Shape) -> list[Entry]:
+def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
     """Return the entries in canonical order; unknown keys keep theirs, after the known ones."""
     if not node.is_mapping or shape.has_names:
         return node.entries
     return sorted(node.entries, key=lambda entry: shape.rank(entry.key.text if entry.key else ""))
 
 
-def _keep_header(root: Collection, shape: Shape) -> None:
+def _keep_header(root: Collection, shape: ValueShape) -> None:
     """Keep the file's own comment, ended by a blank line, at its top when another key comes first."""
     ordered = _ordered(root, shape)
     if not ordered or ordered[0] is root.entries[0]:
@@ -172,7 +172,7 @@ def _keep_header(root: Collection, shape: Shape) -> None:
         is_first.before = [*header, "", *_without_leading_blank(is_first.before)]
 
 
-def _inline(node: Node, shape: Shape, room: int) -> str | None:
+def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
     """Return a collection on one line, where the user wrote it so and it is short enough; empty ones always."""
     if isinstance(node, Scalar):
         return _one_line(node, flow=True, quantity=shape.is_quantity)

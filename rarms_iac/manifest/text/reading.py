@@ -34,10 +34,10 @@ def read_yaml(path: str, *, overlay: bool = False) -> ParsedText:
             diagnostics=(_not_readable(file, problem, overlay=overlay),),
             is_missing=isinstance(problem, FileNotFoundError),
         )
-    return read_text(data, file, folder)
+    return read_text(data, file, folder, overlay=overlay)
 
 
-def read_text(data: bytes, file: str, folder: str) -> ParsedText:
+def read_text(data: bytes, file: str, folder: str, *, overlay: bool = False) -> ParsedText:
     """Read bytes that are here already, under the name that messages use."""
     source = Source(file=file, folder=folder, stored=data, text=unified(data).decode("utf-8", "replace"))
     try:
@@ -45,7 +45,16 @@ def read_text(data: bytes, file: str, folder: str) -> ParsedText:
         parsed = read_events(source)
     except UnreadableText as refused:
         return ParsedText(source=source, readable=False, diagnostics=refused.diagnostics)
+    if parsed.readable and parsed.value is None:
+        parsed = replace(parsed, readable=False, diagnostics=(_only_comments(file, overlay=overlay),))
     return replace(parsed, diagnostics=(*notes, *parsed.diagnostics))
+
+
+def _only_comments(file: str, *, overlay: bool) -> Diagnostic:
+    advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
+    if overlay:
+        advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
+    return NOT_READ.at(Place(file=file, line=1, column=1), "The file has only comments.", advice, file=file)
 
 
 def shown_path(path: str) -> str:

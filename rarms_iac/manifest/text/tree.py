@@ -344,21 +344,6 @@ def _at(node: Node, path: tuple[str | int, ...]) -> Place:
     return replace(place_of_node(node), path=dotted(path))
 
 
-class FirstLine:
-    """Answers for a manifest that could not be read at all: its first line."""
-
-    def __init__(self, file: str) -> None:
-        self._file = file
-
-    def value(self, *path: str | int) -> Place:
-        """Return the first line."""
-        return Place(file=self._file, line=1, column=1, path=dotted(path))
-
-    def key(self, *path: str | int) -> Place:
-        """Return the first line."""
-        return self.value(*path)
-
-    def text(self, *path: str | int) -> str:
-        """Nothing was read."""
-        del path
-        return ""
+def first_line(file: str) -> ManifestPlaces:
+    """Return the places of a manifest that could not be read at all: its first line."""
+    return ManifestPlaces(lambda: Scalar("", source=Source(file=file)))

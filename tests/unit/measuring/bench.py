@@ -9,7 +9,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.snapshots import Snapshots
 from rarms_iac.manifest.load import Loaded
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.experiment_log import ExperimentLog
 from rarms_iac.measuring.measure_request import ExperimentResult
@@ -81,7 +81,7 @@ class Bench:
         system = a_system(hosts=[self.experiment.host], components=list(self.experiment.members))
         folder = str(self.folder)
         loaded = Loaded(
-            system=system, places=FirstLine(file=""), diagnostics=(), sources={}, folder=folder, parsed=(), digest=""
+            system=system, places=first_line(""), diagnostics=(), sources={}, folder=folder, parsed=(), digest=""
         )
         manifest = Manifest(source=ManifestSource(), system=system, loaded=loaded)
         return Hosts(manifest=manifest, selection=HostSelection(), snapshots=Snapshots(hosts={}))

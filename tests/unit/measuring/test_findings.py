@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
 from rarms_iac.measuring.findings import describe_idle, findings_of, work_of_settings
 from rarms_iac.measuring.partitions import LoadShare
@@ -43,7 +43,7 @@ EXPERIMENT = an_experiment("20 %")
 
 def told(times: list[float]) -> list[str]:
     settings = (a_setting(100, a_series("vision", times)),)
-    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100), settings, FirstLine("")))
+    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100), settings, first_line("")))
     assert {diagnostic.code for diagnostic in found} == {"RARMS110"}
     assert all({"component": "vision", "reserve_percent": 100}.items() <= each.values.items() for each in found)
     assert {(each.values["index"], each.values["threshold"], each.values["unit"]) for each in found} <= {
@@ -84,7 +84,7 @@ def test_waiting_component_is_told_cpu_does_not_help(cpu_ms: float, helps: bool)
             replace(EXPERIMENT, members=(member,)),
             NotAchievable(reserve=100),
             (a_setting(100, series),),
-            FirstLine(""),
+            first_line(""),
         )
     )
 
@@ -123,7 +123,7 @@ def test_possibly_smaller_answer_is_told(
     end = Sufficient(reserve=46, failed=failed, inconclusive=inconclusive)
     experiment = an_experiment(None)
 
-    found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), FirstLine("")))
+    found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if message else [])
     assert all(message is not None and message in diagnostic.detail for diagnostic in found)
@@ -143,7 +143,7 @@ def test_possibly_smaller_answer_is_told(
 def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str) -> None:
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
 
-    [found] = findings_of(EXPERIMENT, NotResolved(reason="within the noise", samples=samples), settings, FirstLine(""))
+    [found] = findings_of(EXPERIMENT, NotResolved(reason="within the noise", samples=samples), settings, first_line(""))
 
     assert found.code == "RARMS111"
     assert str(found.advice).startswith(advice)
@@ -156,7 +156,7 @@ def test_ended_at_until_asks_for_samples(samples: int | None, asked: int) -> Non
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
     end = NotResolved(reason="within the noise", samples=samples, ends_at_until=True)
 
-    [found] = findings_of(EXPERIMENT, end, settings, FirstLine(""))
+    [found] = findings_of(EXPERIMENT, end, settings, first_line(""))
 
     assert f"`rarms measure vision --strategy paper --again --samples {asked}`" in str(found.advice)
     assert "The setting ended" not in found.detail, "no budget ended it"
@@ -166,7 +166,7 @@ def test_early_end_asks_for_the_same_command() -> None:
     settings = (a_setting(70, a_series("vision", [81.4, 86.4] * 50)),)
     end = NotResolved(reason="its 8 settings show no reservation to be enough", more_settings=8)
 
-    [found] = findings_of(EXPERIMENT, end, settings, FirstLine(""))
+    [found] = findings_of(EXPERIMENT, end, settings, first_line(""))
 
     assert str(found.advice) == "Run the same command: up to 8 settings more may show one."
     assert found.values["more_settings"] == 8
@@ -176,7 +176,7 @@ def test_early_end_asks_for_the_same_command() -> None:
 def test_early_end_is_not_called_unsteady() -> None:
     end = Sufficient(reserve=46, failed=20, inconclusive=(45,), more_settings=8)
 
-    assert not list(findings_of(an_experiment(None), end, (drifting(45),), FirstLine("")))
+    assert not list(findings_of(an_experiment(None), end, (drifting(45),), first_line("")))
 
 
 @pytest.mark.parametrize(("samples", "more_time"), [(100, True), (2000, False)])
@@ -185,8 +185,8 @@ def test_unsteady_despite_many_samples_needs_no_time(samples: int, more_time: bo
     setting = a_setting(45, a_series("vision", [40.0 + number for number in range(samples)]))
     enough = Sufficient(reserve=46, failed=20, inconclusive=(45,))
 
-    (less,) = findings_of(experiment, enough, (setting,), FirstLine(""))
-    (none,) = findings_of(experiment, NotResolved(reason="no steady state"), (setting,), FirstLine(""))
+    (less,) = findings_of(experiment, enough, (setting,), first_line(""))
+    (none,) = findings_of(experiment, NotResolved(reason="no steady state"), (setting,), first_line(""))
 
     assert "Look for what grows" in str(less.advice)
     assert ("setting: 30 min" in str(none.advice)) == ("setting: 30 min" in str(less.advice)) == more_time
@@ -196,7 +196,7 @@ def test_unsteady_despite_many_samples_needs_no_time(samples: int, more_time: bo
 def test_fixed_and_measured_reservation_is_told(reserve: str | None, codes: list[str]) -> None:
     experiment = an_experiment(reserve)
 
-    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), FirstLine("")))
+    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)
@@ -207,7 +207,7 @@ def test_unused_fixed_processors_are_noted(source: ProcessorSource, codes: list[
     experiment = an_experiment(None).with_processors(ProcessorNumber(number=2, source=source))
     setting = replace(a_setting(54, a_series("vision", [40.0] * 60)), used_processors=1)
 
-    found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), FirstLine("")))
+    found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)
@@ -231,7 +231,7 @@ def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:
     ],
 )
 def test_waiting_without_processor_time_is_a_warning(settings: tuple[Setting, ...], found: bool) -> None:
-    told = list(work_of_settings(EXPERIMENT, settings, FirstLine("")))
+    told = list(work_of_settings(EXPERIMENT, settings, first_line("")))
 
     assert [diagnostic.code for diagnostic in told] == ["RARMS393"] * found
     assert all("the same at 20 % and at 80 % of its VPs" in diagnostic.detail for diagnostic in told)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.evidence import shortfall_at, why_unsteady
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.measure_request import ExperimentResult
@@ -472,7 +472,7 @@ def test_first_setting_without_steady_state_costs_no_reservation(case: str, tmp_
     assert not isinstance(shortfall_at(ended.conclusion.failed, ended.settings, experiment), Unsteady)
     assert ended.conclusion.inconclusive == ()
     assert len(ended.settings) <= 9
-    found = findings_of(experiment, ended.conclusion, ended.settings, FirstLine(""))
+    found = findings_of(experiment, ended.conclusion, ended.settings, first_line(""))
     assert "RARMS267" not in {finding.code for finding in found}
 
 
@@ -486,7 +486,7 @@ def test_unsteady_neighbourhood_is_unknown(tmp_path: Path) -> None:
     assert set(end.inconclusive) <= unsteady(ended.settings)
     assert end.failed not in unsteady(ended.settings)
     assert all((end.failed or 0) < level < end.reserve for level in end.inconclusive)
-    found = findings_of(experiment, end, ended.settings, FirstLine(""))
+    found = findings_of(experiment, end, ended.settings, first_line(""))
     (told,) = [finding for finding in found if finding.code == "RARMS267"]
     assert f"coi: {end.reserve} % of its VPs is enough" in told.detail
     assert f"coi at {end.inconclusive[-1]} % of its VPs: its response times still changed within" in told.detail

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 from hypothesis import given
 
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Findings, Place, Related, Severity
 from rarms_iac.views.console import render
@@ -44,7 +44,7 @@ COMMAND = {
     "text": "rarms select vision --at '100 ms'",
 }
 WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
-FIRST_LINE = FirstLine("rarms.yaml")
+FIRST_LINE = first_line("rarms.yaml")
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
 

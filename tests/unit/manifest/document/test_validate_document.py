@@ -13,7 +13,7 @@ from rarms_iac.manifest.document.schema import manifest_schema, overlay_schema
 from rarms_iac.manifest.document.validate_document import MOST_ERRORS, NotAManifest, validate_document
 from rarms_iac.manifest.load import load_system
 from rarms_iac.manifest.text.reading import read_text
-from rarms_iac.manifest.text.tree import FirstLine
+from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.model import loads
 from rarms_iac.model import system as m
 from rarms_iac.model.host import (
@@ -52,7 +52,7 @@ def ms(value: str) -> Milliseconds:
 
 
 def system_of(text: str) -> m.System:
-    return validate_document(read_text(text.encode(), "rarms.yaml", ".").value, FirstLine("rarms.yaml"))
+    return validate_document(read_text(text.encode(), "rarms.yaml", ".").value, first_line("rarms.yaml"))
 
 
 SYSTEM = system_of(EVERYTHING)
@@ -358,7 +358,7 @@ def test_errors_behind_sound_entries_are_shown() -> None:
     }
 
     with pytest.raises(NotAManifest) as caught:
-        validate_document(document, FirstLine("rarms.yaml"))
+        validate_document(document, first_line("rarms.yaml"))
 
     assert [error.path[:2] for error in caught.value.errors] == [("components", name) for name in names[60:-7]]
     assert caught.value.following == 7
