@@ -7,7 +7,7 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.manifest.acceptance import with_acceptances_in_force
-from rarms_iac.manifest.overlays import combine
+from rarms_iac.manifest.overlays import combine, fits
 from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text, read_yaml
 from rarms_iac.manifest.text.tree import Node, Scalar, first_line
@@ -200,13 +200,9 @@ def _hide(sign: str) -> str:
 
 def _secrets(node: Node, path: tuple[str, ...]) -> Iterator[Scalar]:
     if isinstance(node, Scalar):
-        if isinstance(node.value, str) and any(_matches(path, secret) for secret in _SECRETS):
+        if isinstance(node.value, str) and fits(path, _SECRETS):
             yield node
     elif node.is_mapping:
         for entry in node.entries:
             if entry.key is not None:
                 yield from _secrets(entry.value, (*path, entry.key.text))
-
-
-def _matches(path: tuple[str, ...], secret: tuple[str, ...]) -> bool:
-    return len(path) == len(secret) and all(each in {"*", name} for name, each in zip(path, secret, strict=True))

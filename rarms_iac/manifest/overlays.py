@@ -127,7 +127,7 @@ def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:
         old = entries.get(key)
         if is_null(entry.value):
             entries.pop(key, None)
-        elif not _is_mapping(entry.value) or _fits(at, _WHOLE):
+        elif not _is_mapping(entry.value) or fits(at, _WHOLE):
             entries[key] = entry
         elif old and _is_mapping(old.value):
             entries[key] = replace(old, value=_merged(old.value, entry.value, at))
@@ -136,7 +136,8 @@ def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:
     return replace(below, entries=list(entries.values()))
 
 
-def _fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
+def fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
+    """Whether a path is one of these; `*` stands for any step."""
     return any(
         len(pattern) == len(path) and all(want in ("*", step) for want, step in zip(pattern, path, strict=True))
         for pattern in patterns
@@ -151,7 +152,7 @@ def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
             for at, entry in enumerate(node.entries)
         ]
         return replace(node, entries=entries)
-    is_path = _fits(path, _PATHS) or (_fits(path, _COMMANDS) and _names_a_file(node.text, written_in))
+    is_path = fits(path, _PATHS) or (fits(path, _COMMANDS) and _names_a_file(node.text, written_in))
     if is_path and isinstance(node.value, str):
         moved = moved_path(node.value, written_in, to)
         return replace(node, text=moved, value=moved, style="'")

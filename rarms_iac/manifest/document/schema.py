@@ -47,7 +47,6 @@ def _relaxed(schema: Any) -> Any:
     alternatives = made.pop("oneOf", [])
     if any(set(alternative) != set() for alternative in alternatives):
         made["anyOf"] = alternatives
-    made.pop("discriminator", None)
     if "properties" in schema:
         made["properties"] = {key: _or_null(_overlaid(key, value)) for key, value in schema["properties"].items()}
     if isinstance(made.get("additionalProperties"), dict):
@@ -77,7 +76,6 @@ def _renamed(schema: Any) -> Any:
     made = {key: _renamed(value) for key, value in schema.items()}
     if isinstance(made.get("$ref"), str):
         made["$ref"] = made["$ref"].replace("#/$defs/", "#/$defs/Whole")
-    made.pop("discriminator", None)
     return made
 
 
