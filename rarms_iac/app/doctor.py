@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import Literal
 
-from rarms_iac.app.hosts import Hosts, host_errors, observe_host
+from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
@@ -23,7 +23,6 @@ from rarms_iac.model.seen_host import Condition, PolicyScope, SeenHost
 from rarms_iac.model.state import HostFacts, RunState, Tie
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.layout import smaller_host_findings
-from rarms_iac.providers.interface import ExaminableHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,11 +91,8 @@ def _look(hosts: Hosts, name: str) -> SeenHost:
             condition=snapshot.condition,
             findings=snapshot.findings,
         )
-    host = hosts.open(name)
-    if isinstance(host, ExaminableHost):
-        with host_errors():
-            return host.examined(application)
-    return SeenHost(host=described, application=application, state=observe_host(host))
+    with host_errors():
+        return hosts.open(name).examined(application)
 
 
 _VERSION = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6}){1,3}(-(preview|rc)\.?[0-9]{0,3})?", re.ASCII)

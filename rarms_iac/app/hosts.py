@@ -20,7 +20,7 @@ from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import natural_order, quoted, suggestion
 from rarms_iac.providers.channel import CommandChannel, one_command_only
-from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost, RobotHost
+from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost, RobotHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.robot import EndedThere
 from rarms_iac.storage.snapshot_file import write_snapshot
@@ -104,8 +104,7 @@ class Hosts:
         """
         opened = {name: self.open(name) for name in self.system.hosts}
         for host in opened.values():
-            if isinstance(host, DistantHost):
-                host.look_once()
+            host.look_once()
         return replace(self, looked_at_once=opened)
 
     def open_to_measure(self, host: str) -> MeasuringHost | None:

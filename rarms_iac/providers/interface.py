@@ -70,6 +70,22 @@ class ReadableHost(Protocol):
             HostError: the host cannot be reached or read.
         """
 
+    def examined(self, application: str) -> SeenHost:
+        """Observe everything at once: state, condition and findings of one moment.
+
+        Args:
+            application: whose partitions there count as own.
+
+        Raises:
+            HostError: as of `observe`.
+        """
+
+    def look_once(self) -> None:
+        """Answer from now on from one look, the first that is asked for: the host is only read.
+
+        A host to which a look is cheap may look each time. A command to a robot ends that.
+        """
+
 
 class HoldableHost(ReadableHost, Protocol):
     """A host that one run at a time holds, with the journal of the last run."""
@@ -303,29 +319,6 @@ class ScriptedHost(ReadableHost, Protocol):
 
 
 @runtime_checkable
-class DistantHost(Protocol):
-    """A host to which each look is a way of its own: a connection, or a script that runs there."""
-
-    def look_once(self) -> None:
-        """Answer from now on from one look, the first that is asked for: of a host that is only read."""
-
-
-@runtime_checkable
-class ExaminableHost(Protocol):
-    """A host of which more can be observed than its State."""
-
-    def examined(self, application: str) -> SeenHost:
-        """Observe everything at once: state, condition and findings of one moment.
-
-        Args:
-            application: whose partitions there count as own.
-
-        Raises:
-            HostError: as of `observe`.
-        """
-
-
-@runtime_checkable
 class RecordableHost(Protocol):
     """A host whose observation is stored as it is printed, because it holds more than a State."""
 
@@ -356,9 +349,6 @@ UNHEARD = RobotListener()
 @runtime_checkable
 class RobotHost(HoldableHost, Protocol):
     """A host whose own rarms does whole commands: it holds itself, keeps the journal and guards every step."""
-
-    def look_once(self) -> None:
-        """Answer from now on from one look, as of `DistantHost`; a command ends that."""
 
     def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:
         """Have the robot's rarms do a command, and return its result.

@@ -39,6 +39,7 @@ from rarms_iac.measuring.tune import UNATTENDED_TUNING, TunedThere, TuneRequest,
 from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import Journal
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import UNHEARD, HostFailed, RobotListener
 from rarms_iac.robot.caller import Caller
@@ -62,14 +63,18 @@ _PAUSES = 20  # least time between two reports, in multiples of the time for sen
 class OtherHost:
     """A `RobotHost`: another host of the manifest, as the other side saw it. It does nothing."""
 
+    host: Host
     state: State
 
     @property
     def name(self) -> str:
-        return self.state.facts.name
+        return self.host.name
 
     def observe(self) -> State:
         return self.state
+
+    def examined(self, application: str) -> SeenHost:
+        return SeenHost(host=self.host, application=application, state=self.state)
 
     def journal(self) -> Journal | None:
         return None
@@ -280,7 +285,9 @@ def _hosts_of(job: ExperimentJob, host: Host, files: Sequence[str]) -> Hosts:
     here = Files(Path(), code=Path(job.folder)).named_by(system.components.values(), system.interference.values())
     if problems := different_files(host.name, job, here):
         raise UseCaseError(Outcome.REFUSED, problems)
-    return replace(hosts, looked_at_once={name: OtherHost(state) for name, state in job.others.items()})
+    return replace(
+        hosts, looked_at_once={name: OtherHost(system.hosts[name], state) for name, state in job.others.items()}
+    )
 
 
 def now_and_then(report: Callable[..., None]) -> Callable[..., None]:

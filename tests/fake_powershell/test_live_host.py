@@ -16,15 +16,7 @@ from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.provider import LiveHypervHost
-from rarms_iac.providers.interface import (
-    NO_WAITING,
-    ExaminableHost,
-    HostFailed,
-    RecordableHost,
-    RunEvent,
-    ScriptExited,
-    ScriptLost,
-)
+from rarms_iac.providers.interface import NO_WAITING, HostFailed, RecordableHost, RunEvent, ScriptExited, ScriptLost
 from rarms_iac.storage.plan_file import is_signed_script
 from rarms_iac.storage.plan_file import signed as sign_plan
 from tests.builders import a_host, codes
@@ -280,5 +272,4 @@ def test_unreachable_or_garbled_host_is_told(ask: Callable[[LiveHypervHost], obj
 def test_it_keeps_the_contracts_of_its_kinds() -> None:
     host = live(fresh().copy())
 
-    assert isinstance(host, ExaminableHost)
     assert isinstance(host, RecordableHost)

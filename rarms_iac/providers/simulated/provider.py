@@ -19,6 +19,7 @@ from rarms_iac.model.operations import (
     call_name,
 )
 from rarms_iac.model.plan import Scope
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage, report_failure
@@ -70,6 +71,9 @@ class SimulatedHostProvider(JournaledHost):
 
     def observe(self) -> State:
         return replace(self._state(self.load()), serials=self._serials())
+
+    def examined(self, application: str) -> SeenHost:
+        return SeenHost(host=self._host, application=application, state=self.observe())
 
     def _recover(self) -> None:
         for path in (self._path, self._journal_path):

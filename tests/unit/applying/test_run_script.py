@@ -10,6 +10,7 @@ from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import undo_findings, why_not_kept
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_scripts
 from rarms_iac.powershell.templates import shipped_module
@@ -24,6 +25,7 @@ from rarms_iac.providers.interface import (
     ScriptLost,
     WaitLimits,
 )
+from tests.builders import a_host
 from tests.builders_plan import facts
 from tests.cases.situations import CASES, made
 from tests.unit.powershell.plans import rendered_plan
@@ -60,6 +62,12 @@ class Scripted:
 
     def observe(self) -> State:
         return State(facts=facts())
+
+    def examined(self, application: str) -> SeenHost:
+        return SeenHost(host=a_host("cell"), application=application, state=self.observe())
+
+    def look_once(self) -> None:
+        """Look each time."""
 
     def journal(self) -> ScriptRun | None:
         return None
