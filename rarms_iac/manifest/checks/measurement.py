@@ -25,14 +25,31 @@ TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than 
 
 
 @component_check(MISSING)
-def measured_without_apt(component: Component) -> Iterator[Violation]:
-    """`reserve: measured` on a component without `apt`."""
-    if component.cpu.reserve is Measured.MEASURED and not component.apt:
+def missing_to_measure(component: Component) -> Iterator[Violation]:
+    """Measured reserves without `apt` or a way to start the component, and a miss rate without a deadline."""
+    is_measured = component.cpu.reserve is Measured.MEASURED
+    if is_measured and not component.apt:
         yield violation(
             ("components", component.name, "cpu", "reserve"),
             'The reserve of "{component}" is the least that meets its APT, but it has no APT.',
             "Add `apt`, or fix the reserve: `reserve: 20 %`.",
             reserve="measured",
+        )
+    if is_measured and component.run is None and component.simulation is None:
+        yield violation(
+            ("components", component.name),
+            'The reserve of "{component}" is to be measured, but the manifest does not say how it is started.',
+            "Add `run` with a command, or `simulation` with its demand on a simulated host.",
+            at_key=True,
+            reserve="measured",
+        )
+    if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
+        yield violation(
+            ("components", component.name, "apt", "deadline_miss_rate"),
+            '"{component}" has a deadline_miss_rate but no deadline.',
+            "Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
+            at_key=True,
+            index="deadline_miss_rate",
         )
 
 
@@ -61,19 +78,6 @@ def weak_loads(system: System) -> Iterator[Violation]:
                     host_lp=host.logical_processors,
                 )
                 break
-
-
-@component_check(MISSING)
-def nothing_to_run(component: Component) -> Iterator[Violation]:
-    """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
-    if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
-        yield violation(
-            ("components", component.name),
-            'The reserve of "{component}" is to be measured, but the manifest does not say how it is started.',
-            "Add `run` with a command, or `simulation` with its demand on a simulated host.",
-            at_key=True,
-            reserve="measured",
-        )
 
 
 @component_check(WRONG_VALUE)
@@ -158,19 +162,6 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
         SampleValue.COUNT: has_no_field,
     }
     return index.made_of if is_missing[index.made_of] else None
-
-
-@component_check(MISSING)
-def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
-    """`deadline_miss_rate` of a component without deadline and period."""
-    if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
-        yield violation(
-            ("components", component.name, "apt", "deadline_miss_rate"),
-            '"{component}" has a deadline_miss_rate but no deadline.',
-            "Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
-            at_key=True,
-            index="deadline_miss_rate",
-        )
 
 
 @check(TOO_FEW_SAMPLES)

@@ -207,10 +207,11 @@ def kept_name(system: System) -> Iterator[Violation]:
 
 
 @check(MOVED)
-def moved_in_a_circle(system: System) -> Iterator[Violation]:
-    """Entries of `moved` that lead back to where they start."""
+def moved_nowhere(system: System) -> Iterator[Violation]:
+    """Entries of `moved` that lead back to where they start, or whose old name a partition still has."""
     lengths = _circle_lengths(system.moved)
-    for old in system.moved:
+    existing = partition_names(system) if system.moved else set()
+    for old, new in system.moved.items():
         if length := lengths.get(old):
             reason = "the name would not change" if length == 1 else "every plan would rename them again"
             names = [old]
@@ -228,15 +229,7 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
                 _circle=" -> ".join([*names, *following, old]),
                 _reason=reason,
             )
-
-
-@check(MOVED)
-def moved_from_existing(system: System) -> Iterator[Violation]:
-    """Entries of `moved` whose old name a partition of the manifest still has."""
-    names = partition_names(system) if system.moved else set()
-    in_circles = _circle_lengths(system.moved)
-    for old, new in system.moved.items():
-        if old in names and old not in in_circles:  # else RARMS080 reports it
+        elif old in existing:
             yield violation(
                 ("moved", old),
                 '`moved` renames "{old}" to "{new}", but the manifest still has a partition "{old}".',
