@@ -31,7 +31,7 @@ _NAMED = {"components": "component", "hosts": "host", "partitions": "partition"}
 NEW = "new"
 """The key of a component, host or partition that only the overlay has."""
 
-_WHOLE = (
+REPLACED_WHOLE = (
     ("components", "*", "apt", "*"),
     ("components", "*", "run", "samples"),
     ("components", "*", "run", "until"),
@@ -127,7 +127,7 @@ def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:
         old = entries.get(key)
         if is_null(entry.value):
             entries.pop(key, None)
-        elif not _is_mapping(entry.value) or fits(at, _WHOLE):
+        elif not _is_mapping(entry.value) or fits(at, REPLACED_WHOLE):
             entries[key] = entry
         elif old and _is_mapping(old.value):
             entries[key] = replace(old, value=_merged(old.value, entry.value, at))

@@ -7,6 +7,7 @@ from functools import cache, reduce
 from typing import Any, cast
 
 from rarms_iac.manifest.document.reader import Json, manifest_blocks
+from rarms_iac.manifest.overlays import REPLACED_WHOLE
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -19,8 +20,8 @@ def manifest_schema() -> Json:
     return {"$schema": _DIALECT, "$defs": blocks, **whole}
 
 
-_REPLACED_WHOLE = frozenset({"samples", "until"})
-"""Fields that an overlay replaces as a whole, like each index of `apt`: in them nothing may be missing or null."""
+_REPLACED_WHOLE = frozenset(path[-1] for path in REPLACED_WHOLE)
+"""Fields that an overlay replaces as a whole: in them, and in each index of `apt`, nothing may be missing or null."""
 
 
 @cache
