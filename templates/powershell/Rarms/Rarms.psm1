@@ -24,7 +24,7 @@ $script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares th
 $script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = 'bf15dcdd5d249f5b326debe2bfbb522e45486e1b3d55a6948816b9fdfdde7fcd'
+$script:Observe = '8b351226c01cad70cabb5d2f54a208cc0acac86bfdc30d7b13118fd3313a24df'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
