@@ -5,12 +5,15 @@ from datetime import date
 
 from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, partitions_present, rules_of
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.disruption import HeldChanges, hold_back
-from rarms_iac.diff.order import Deadlock, OrderedSteps, order
-from rarms_iac.diff.step_context import HostContext, StepBudget
+from rarms_iac.diff.compare import compare
+from rarms_iac.diff.disruption import hold_back
+from rarms_iac.diff.order import order
+from rarms_iac.diff.step_context import Difference, HostContext, StepBudget
 from rarms_iac.diff.steps import plan_changes
+from rarms_iac.model.changes import Change
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.plan import HeldBack, Step
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired
@@ -29,8 +32,14 @@ class Route:
     context: HostContext
     budget: StepBudget
     difference: Difference
-    held: HeldChanges
-    ordered: OrderedSteps | Deadlock
+    allowed: tuple[Change, ...]
+    held_back: tuple[HeldBack, ...]
+    ordered: tuple[Step, ...] | Diagnostic
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        assert not isinstance(self.ordered, Diagnostic), self.ordered
+        return self.ordered
 
 
 def layout_of(system: System, *states: State) -> Layout | Infeasible:
@@ -46,8 +55,9 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     context = replace(context_of(request, desired), guest_builds=builds)
     budget = budget_of(request, desired, context, partitions_present(request, {observed.facts.name: observed}))
     difference = compare(desired.state, observed, system.application.name, context, rules_of(request, desired))
-    held = hold_back(difference.changes, budget)
-    return Route(desired, context, budget, difference, held, order(plan_changes(held.allowed, context), budget))
+    allowed, held_back = hold_back(difference.changes, budget)
+    ordered = order(plan_changes(allowed, context), budget)
+    return Route(desired, context, budget, difference, allowed, held_back, ordered)
 
 
 def a_request(system: System, limit: Disruption | None = None, /, **asked: object) -> PlanRequest:

@@ -8,7 +8,7 @@ from typing import assert_never
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_robots, unproven_rights
 from rarms_iac.diff.compare import machine_in_the_way
-from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
+from rarms_iac.diff.partition_steps import judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.diff.step_context import NO_CLAIM, HostContext, ManifestRules, StepBudget, claim_of
 from rarms_iac.model.capacity import foreign_claims
@@ -217,7 +217,7 @@ def _locator(
     return locate
 
 
-def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterator[DiskVerdict]:
+def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterator[tuple[Disk, str]]:
     """Yield the disks of a managed machine, with why each stays where its removal is asked for."""
     host = system.hosts[observed.facts.name].settings
     name = machine.mark.name if machine.mark else ""
@@ -229,9 +229,7 @@ def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterat
 
 def _removable_disks(system: System, observed: State) -> Mapping[str, tuple[Disk, ...]]:
     return {
-        partition.id: tuple(
-            verdict.disk for verdict in disk_verdicts(system, observed, partition) if not verdict.reason_to_keep
-        )
+        partition.id: tuple(disk for disk, reason in disk_verdicts(system, observed, partition) if not reason)
         for partition in observed.of(system.application.name).partitions
     }
 

@@ -21,11 +21,11 @@ from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.applying.requested_changes import requested_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
-from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.disruption import HeldChanges, hold_back
+from rarms_iac.diff.compare import compare
+from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.drift import part_digests
-from rarms_iac.diff.order import Deadlock, order
-from rarms_iac.diff.step_context import HostContext, ManifestRules
+from rarms_iac.diff.order import order
+from rarms_iac.diff.step_context import Difference, HostContext, ManifestRules
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
@@ -213,11 +213,12 @@ def _plan_host(
     rules, context = rules_of(request, desired), context_of(request, desired)
     difference = _difference(request, desired, context, rules)
     budget = budget_of(request, desired, context, present)
-    split = hold_back(targeted(difference.changes, request.targets), budget)
-    ordered = order(plan_changes(split.allowed, context), budget)
-    steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
+    allowed, held_back = hold_back(targeted(difference.changes, request.targets), budget)
+    ordered = order(plan_changes(allowed, context), budget)
+    steps, stuck = ((), (ordered,)) if isinstance(ordered, Diagnostic) else (ordered, ())
     guests = _guest_tasks(request, desired, rules)
-    host_plan = replace(_host_plan(request, desired, difference, split, steps), guest_tasks=guests or None)
+    host_plan = _host_plan(request, desired, difference, allowed, steps)
+    host_plan = replace(host_plan, held_back=held_back, guest_tasks=guests or None)
     reviewed = (*review_plan(request, desired, host_plan), *guest_scripts_by_hand(host_plan, rules.locate))
     addresses = _addresses(desired, (*difference.changes, *guests))
     return host_plan, addresses, (*difference.findings, *stuck, *reviewed)
@@ -230,7 +231,7 @@ def _addresses(desired: Desired, changes: Sequence[Change | GuestTask]) -> tuple
 
 
 def _host_plan(
-    request: PlanRequest, desired: Desired, difference: Difference, split: HeldChanges, steps: tuple[Step, ...]
+    request: PlanRequest, desired: Desired, difference: Difference, allowed: tuple[Change, ...], steps: tuple[Step, ...]
 ) -> HostPlan:
     seen, observed, application = desired.seen, desired.seen.state, request.application
     mechanisms = {partition.name: partition.mechanism for partition in desired.partitions if partition.mechanism}
@@ -240,13 +241,13 @@ def _host_plan(
         state_path=request.state_paths.get(desired.host, ""),
         serial=observed.serials.get(application, 0),
         digests=part_digests(of_the_host_itself(observed), application),
-        changes=split.allowed,
+        changes=allowed,
         steps=steps,
-        held_back=split.held_back,
+        held_back=(),
         unused=tuple(_unused(seen, name) for name in difference.unused),
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, application, split.allowed, _manifest_partitions(desired)),
+        totals=totals_after(observed, application, allowed, _manifest_partitions(desired)),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
@@ -300,4 +301,4 @@ def _difference(request: PlanRequest, desired: Desired, context: HostContext, ru
     findings = tuple(finding for finding in found if isinstance(finding, Diagnostic))
     changes = tuple(change for change in found if not isinstance(change, Diagnostic))
     is_so = not found and request.purpose in {Purpose.IMPORT, Purpose.RELEASE}
-    return Difference(changes=changes, unchanged=int(is_so), unused=(), findings=findings)
+    return Difference(changes=list(changes), unchanged=int(is_so), findings=list(findings))

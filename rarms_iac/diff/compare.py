@@ -4,11 +4,11 @@ Those of partitions are made here, with findings on machines in their way; those
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rarms_iac.diff.compare_tasks import responsiveness_changes, task_changes
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
-from rarms_iac.diff.step_context import HostContext, ManagedMachines, ManifestRules, PartialDifference, managed_machines
+from rarms_iac.diff.step_context import Difference, HostContext, ManagedMachines, ManifestRules, managed_machines
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
@@ -16,16 +16,6 @@ from rarms_iac.model.facets import LABELS, Facet, setting_text
 from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
-    """The changes of a host, by address, and the findings that stand in the way."""
-
-    changes: tuple[Change, ...]
-    unchanged: int  # resources that are as wanted; unused partitions are not counted
-    unused: tuple[str, ...]  # partitions that are only listed: stopped already, automatic start off
-    findings: tuple[Diagnostic, ...]
 
 
 def compare(
@@ -54,10 +44,10 @@ def compare(
     )
     changes = [change for part in parts for change in part.changes]
     return Difference(
-        changes=tuple(sorted(changes, key=lambda change: change.address)),
+        changes=sorted(changes, key=lambda change: change.address),
         unchanged=sum(part.unchanged for part in parts),
-        unused=tuple(sorted(name for part in parts for name in part.unused)),
-        findings=tuple(finding for part in parts for finding in part.findings),
+        unused=sorted(name for part in parts for name in part.unused),
+        findings=[finding for part in parts for finding in part.findings],
     )
 
 
@@ -74,7 +64,7 @@ def partition_changes(
     observed: State,
     context: HostContext,
     rules: ManifestRules,
-) -> PartialDifference:
+) -> Difference:
     """Return the changes of managed partitions; machines of others and marks that do not count are findings.
 
     Args:
@@ -87,7 +77,7 @@ def partition_changes(
         Changes in the order of names; findings of moves, marks and machines in the way come before those of changes.
             Nothing is changed at an address with a machine in the way.
     """
-    difference = PartialDifference()
+    difference = Difference()
     in_the_way = list(_machines_in_the_way(wanted, managed, observed, rules))
     difference.findings += [*managed.findings, *foreign_marks(observed), *in_the_way]
     blocked = {diagnostic.address for diagnostic in in_the_way}

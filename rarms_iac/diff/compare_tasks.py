@@ -3,7 +3,7 @@
 import re
 
 from rarms_iac.diff.disruption import disruption_of_task
-from rarms_iac.diff.step_context import ManagedMachines, ManifestRules, PartialDifference
+from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRules
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, NO_RESPONSIVENESS, Diagnostic, Finding, Place
 from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
@@ -16,7 +16,7 @@ GUEST_FIRST = Finding.note("RARMS157", "A shipped task class of a new guest wait
 _PATTERN = re.compile(r"[*?\[\]`]")
 
 
-def task_changes(desired: State, managed: ManagedMachines, observed: State, rules: ManifestRules) -> PartialDifference:
+def task_changes(desired: State, managed: ManagedMachines, observed: State, rules: ManifestRules) -> Difference:
     """Return the changes of task classes of the host and of managed guests; those of other guests are not looked at.
 
     Args:
@@ -26,7 +26,7 @@ def task_changes(desired: State, managed: ManagedMachines, observed: State, rule
     Returns:
         Changes and findings, the host's classes first, then by partition and class.
     """
-    difference = PartialDifference()
+    difference = Difference()
     wanted = {(task.inside, task.name.lower()): task for task in desired.tasks}
     used = {partition.settings.name for partition in desired.partitions} - rules.unused
     machines = {machine.id for machine in managed.machines.values()}
@@ -52,7 +52,7 @@ def _is_managed(resource: TaskClass | Responsiveness, application: str) -> bool:
     return resource.record is not None and resource.record.application == application
 
 
-def _remove(difference: PartialDifference, before: TaskClass, inside: str) -> None:
+def _remove(difference: Difference, before: TaskClass, inside: str) -> None:
     address = _task_address(inside, before)
     if problem := not_restorable(address, before, None):
         difference.findings.append(problem)
@@ -64,7 +64,7 @@ def _remove(difference: PartialDifference, before: TaskClass, inside: str) -> No
 
 
 def _compare_wanted(
-    difference: PartialDifference, before: TaskClass | None, after: TaskClass, application: str, rules: ManifestRules
+    difference: Difference, before: TaskClass | None, after: TaskClass, application: str, rules: ManifestRules
 ) -> None:
     address = _task_address(after.inside, after, before)
     place, disruption = rules.locate(address), disruption_of_task(after.inside)
@@ -167,7 +167,7 @@ def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> D
 
 def responsiveness_changes(
     after: Responsiveness | None, before: Responsiveness | None, application: str, rules: ManifestRules
-) -> PartialDifference:
+) -> Difference:
     """Return the change of SystemResponsiveness.
 
     Unlike a task class of others the value may be taken over: Windows sets it itself, and it is brought back.
@@ -180,7 +180,7 @@ def responsiveness_changes(
     Returns:
         At most one change, or the finding that the value could not be brought back; nothing where it is as wanted.
     """
-    difference = PartialDifference()
+    difference = Difference()
     record = before.record if before else None
     is_managed = before is not None and _is_managed(before, application)
     disruption = disruption_of_task("")

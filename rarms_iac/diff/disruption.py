@@ -4,7 +4,6 @@ Changes that disturb more than is allowed are held back, and with them those tha
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import ceil
 
 from rarms_iac.diff.step_context import NO_CLAIM, HostContext, StepBudget, claim_of
@@ -150,15 +149,7 @@ _Held = dict[int, HeldBack]
 """By the position of the change."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldChanges:
-    """The changes that may be done, and those that may not, both by address."""
-
-    allowed: tuple[Change, ...]
-    held_back: tuple[HeldBack, ...]
-
-
-def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
+def hold_back(changes: Sequence[Change], budget: StepBudget) -> tuple[tuple[Change, ...], tuple[HeldBack, ...]]:
     """Split the changes at the budget's `max_disruption`.
 
     With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
@@ -169,7 +160,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         budget: what the host can promise, what it promises now, and how much may be disturbed.
 
     Returns:
-        Every change once, on one side or the other, in the given order.
+        The changes that may be done, and those that may not, each in the given order.
     """
     held_back: _Held = {
         at: HeldBack(
@@ -185,10 +176,8 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         if not more:
             break
         held_back = {**more, **held_back}
-    return HeldChanges(
-        allowed=tuple(change for at, change in enumerate(changes) if at not in held_back),
-        held_back=tuple(held_back[at] for at in sorted(held_back)),
-    )
+    allowed = tuple(change for at, change in enumerate(changes) if at not in held_back)
+    return allowed, tuple(held_back[at] for at in sorted(held_back))
 
 
 def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:

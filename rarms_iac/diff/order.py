@@ -18,23 +18,7 @@ from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Disruption
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OrderedSteps:
-    """All steps of a host in the order in which they are done."""
-
-    steps: tuple[Step, ...]
-    stopped: tuple[str, ...] = ()  # partitions that are stopped for a while, only to make room
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Deadlock:
-    """Changes that wait for each other: each needs what another holds."""
-
-    partitions: tuple[str, ...]
-    finding: Diagnostic
-
-
-def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps | Deadlock:
+def order(planned: Sequence[PlannedChange], budget: StepBudget) -> tuple[Step, ...] | Diagnostic:
     """Put every step in one order; no prefix promises more than the host, or than what is promised already.
 
     First what gives back (removals, stops, smaller values), the least critical first; then what takes, the most
@@ -46,7 +30,7 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
         budget: what the host can promise, what it promises before the first step, and how much may be disturbed.
 
     Returns:
-        Every step once, or the deadlock where `max_disruption` forbids the stop that would break it.
+        Every step once, or the finding on a deadlock where `max_disruption` forbids the stop that would break it.
     """
     moves, rest = mark_moves(planned)
     on_host = [change for change in rest if not change.change.address.is_in_guest]
@@ -54,12 +38,12 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
     walk.done = list(moves)
     walk.run_releasing_steps()
     result = walk.run_the_rest()
-    if isinstance(result, Deadlock):
+    if isinstance(result, Diagnostic):
         return result
     # A guest's classes are written where it runs already: a real one cannot be reached before.
     in_guests = [planned for planned in rest if planned.change.address.is_in_guest]
     in_guests.sort(key=lambda planned: (planned.change.address.partition, planned.change.address.task))
-    return replace(result, steps=(*result.steps, *(step for planned in in_guests for step in planned.steps)))
+    return (*result, *(step for planned in in_guests for step in planned.steps))
 
 
 @dataclass(slots=True)
@@ -90,7 +74,7 @@ class _Walk:
             while steps and not steps[0].claim_before.is_less_than(steps[0].claim_after):
                 self._do(steps.pop(0))
 
-    def run_the_rest(self) -> OrderedSteps | Deadlock:
+    def run_the_rest(self) -> tuple[Step, ...] | Diagnostic:
         """Return the other steps, as the budget allows; and a stop where it does not."""
         while True:
             self._run_fitting_steps()
@@ -104,7 +88,7 @@ class _Walk:
                 names = tuple(sorted(self.stopped))
                 return _deadlock(names, self.budget.max_disruption, may_stop=False)
             self._do(start)
-        return OrderedSteps(steps=tuple(self.done), stopped=tuple(self.stopped))
+        return tuple(self.done)
 
     def _run_fitting_steps(self) -> None:
         any_order = self._is_any_order_safe()
@@ -149,7 +133,7 @@ class _Walk:
         claims = {**self.claims, _key(step): step.claim_after}
         return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity)
 
-    def _stop_least_critical(self, waiting: list[int]) -> Deadlock | None:
+    def _stop_least_critical(self, waiting: list[int]) -> Diagnostic | None:
         """Stop the least critical running partition that waits; the deadlock where there is none, or none may stop."""
         running = [at for at in waiting if self.claims.get(_key(self.queue[at][0]), NO_CLAIM) != NO_CLAIM]
         names = tuple(sorted({self.queue[at][0].address.partition for at in waiting}))
@@ -204,14 +188,14 @@ def _machine_key(machine: str) -> str:
     return f"id {machine}"
 
 
-def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Deadlock:
+def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Diagnostic:
     if may_stop:
         why = f"one of them would have to stop for a while, and `max_disruption` is {limit.value}"
         advice = "Allow `--max-disruption partition_stop`, or stop one of them by hand and plan again."
     else:
         why = "none of them runs, so none can be stopped to make room"
         advice = "Lower what they are to have, or what other machines on the host hold."
-    finding = NO_ORDER.at(
+    return NO_ORDER.at(
         None,
         "The changes of {_join} wait for each other: {why}. Nothing is planned for this host.",
         advice,
@@ -221,7 +205,6 @@ def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> D
         _join=", ".join(names),
         why=why,
     )
-    return Deadlock(partitions=names, finding=finding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ machine with our mark and to no other, and no checkpoint rests on it.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from re import escape, fullmatch
 
 from rarms_iac.diff.disruption import changed_facets, grace_ms, needs_off
@@ -285,15 +285,7 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
     yield builder.step(operation, ("mark", "set"), "the machine stays as it is")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DiskVerdict:
-    """A disk of a machine that is to be removed; `reason_to_keep` is empty where it may be deleted."""
-
-    disk: Disk
-    reason_to_keep: str
-
-
-def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[DiskVerdict]:
+def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[tuple[Disk, str]]:
     """Judge each disk of a machine.
 
     Args:
@@ -301,12 +293,13 @@ def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Ite
         folders: where rarms makes disks for this partition.
 
     Yields:
-        A verdict for each disk that is attached to the machine, in the order of the state.
+        Each disk that is attached to the machine, in the order of the state, with the reason to keep it; empty: it may
+            be deleted.
     """
     known = tuple(folders)
     for disk in state.disks:
         if disk.machine == machine.id:
-            yield DiskVerdict(disk=disk, reason_to_keep=_reason_to_keep(disk, machine, state, known))
+            yield disk, _reason_to_keep(disk, machine, state, known)
 
 
 def _reason_to_keep(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:

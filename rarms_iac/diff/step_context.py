@@ -86,13 +86,13 @@ class ManifestRules:
 
 
 @dataclass(slots=True)
-class PartialDifference:
-    """Gathers the changes of one kind of resource while it is walked."""
+class Difference:
+    """The changes of a host, or of one kind of its resources, and the findings that stand in the way."""
 
-    changes: list[Change] = field(default_factory=list)
-    unused: list[str] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)  # of a host by address
+    unused: list[str] = field(default_factory=list)  # partitions only listed: stopped already, automatic start off
     findings: list[Diagnostic] = field(default_factory=list)
-    unchanged: int = 0
+    unchanged: int = 0  # resources that are as wanted; unused partitions are not counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,21 +8,20 @@ from hypothesis import strategies as st
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.order import OrderedSteps
 from rarms_iac.diff.step_context import StepBudget, claim_of
 from rarms_iac.model.capacity import foreign_claims, packs
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.plan import UndoLevel
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, State
 from rarms_iac.model.system import System
 from rarms_iac.storage.plan_file import write_plan
 from tests.effort import examples
 from tests.lab import Countdown, Lab, a_lab, without_serials
-from tests.planning import Route, layout_of, route
+from tests.planning import layout_of, route
 from tests.pure_host import PureHost
 from tests.strategies import Strangers, edits, empty_state, strangers, systems
 
@@ -119,13 +118,8 @@ def test_the_same_input_makes_the_same_plan_file(system: System, others: Strange
 def applied(system: System, state: State) -> State:
     """The host after a plan for this system was applied to it."""
     host = PureHost(state, made=len(state.partitions))
-    host.walk(steps_of(route(system, state)))
+    host.walk(route(system, state).steps)
     return host.state
-
-
-def steps_of(route: Route) -> tuple[Step, ...]:
-    assert isinstance(route.ordered, OrderedSteps), route.ordered
-    return route.ordered.steps
 
 
 def planned_or_no_case(system: System, state: State) -> None:
@@ -156,7 +150,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
     for host in (start, state):
         ours = host.of("robot")
         found = compare(ours, host, "robot", route(system, host).context)
-        assert found.changes == ()
+        assert found.changes == []
         assert drift(ours, host, "robot") == ()
 
 
@@ -173,12 +167,12 @@ def test_changed_manifest_is_reached_without_overpromising(data: st.DataObject, 
     plan = route(second, middle)
 
     walker = PureHost(middle, made=50)
-    passed = walker.walk(steps_of(plan))
+    passed = walker.walk(plan.steps)
 
     for state in passed:
         never_more(state, middle, plan.budget)
     again = route(second, walker.state)
-    assert again.difference.changes == ()
+    assert again.difference.changes == []
     assert set(again.difference.unused) == set(again.desired.unused)
     assert strangers_of(walker.state) == others
 
@@ -202,7 +196,7 @@ def test_a_step_and_its_full_undo_cancel(data: st.DataObject, system: System) ->
     planned_or_no_case(second, middle)
 
     walker = PureHost(middle, made=50)
-    for step in steps_of(route(second, middle)):
+    for step in route(second, middle).steps:
         before = walker.state
         walker.take(step.operation, step, step.before, step.after)
         if step.undo.level is UndoLevel.FULL and step.undo.operation is not None:

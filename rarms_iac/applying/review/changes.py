@@ -241,17 +241,17 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
     for change in plan.changes if request.remove_disks else ():
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
             continue
-        for verdict in disk_verdicts(request.system, desired.seen.state, change.before):
-            if verdict.reason_to_keep:
+        for disk, reason in disk_verdicts(request.system, desired.seen.state, change.before):
+            if reason:
                 yield DISK_STAYS.at(
                     change.reason.place,
                     "{disk} of {partition} on {host} is kept: {reason}.",
                     "Look at what is on it, and delete it by hand when it is not needed.",
                     address=str(change.address),
-                    disk=verdict.disk.path,
+                    disk=disk.path,
                     partition=change.address.partition,
                     host=desired.host,
-                    reason=verdict.reason_to_keep,
+                    reason=reason,
                 )
 
 

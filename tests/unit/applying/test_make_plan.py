@@ -118,8 +118,7 @@ HYPERV = a_host("onboard", provider=ProviderKind.HYPERV)
 def on_hyperv() -> State:
     """Both partitions, applied; speech has a disk, and is saved when its host stops."""
     host = PureHost(empty_state(HYPERV))
-    ordered = route(both(host=HYPERV), host.state).ordered
-    host.walk(ordered.steps)  # type: ignore[union-attr]  # no cycle
+    host.walk(route(both(host=HYPERV), host.state).steps)
     speech = next(partition for partition in host.state.partitions if partition.settings.name == "speech")
     saved = replace(speech, settings=replace(speech.settings, stop_action=StopAction.SAVE))
     others = [partition for partition in host.state.partitions if partition is not speech]
@@ -135,7 +134,7 @@ def test_hyperv_leaves_it_stopped_and_listed() -> None:
     assert change.reason.message == "the manifest no longer names it"
 
     host = PureHost(state, made=50)
-    host.walk(found.ordered.steps)  # type: ignore[union-attr]  # no cycle
+    host.walk(found.steps)
     stopped = next(partition for partition in host.state.partitions if partition.settings.name == "speech")
     assert not stopped.settings.running
     assert stopped.settings.start_action is StartAction.NOTHING

@@ -101,7 +101,7 @@ def a_state(there: Responsiveness | None) -> State:
 
 def applied(system: System, state: State) -> State:
     host = PureHost(state, made=len(state.partitions))
-    host.walk(route(system, state).ordered.steps)  # type: ignore[union-attr]  # these tests have no cycles
+    host.walk(route(system, state).steps)
     return host.state
 
 
@@ -121,7 +121,7 @@ def test_windows_value_is_taken_over() -> None:
     assert change.after.record.before == {"SystemResponsiveness": dword(20)}
     assert change.reason.place is not None
     assert change.reason.place.path == "hosts.onboard.system_responsiveness"
-    steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    steps = [step for step in found.steps if step.address == ADDRESS]
     assert [type(step.operation) for step in steps] == [WriteTaskRecord, WriteTaskClass]
     assert steps[1].title == "set SystemResponsiveness 20 -> 10"
     assert steps[1].undo.operation == writing(20)
@@ -131,7 +131,7 @@ def test_missing_value_is_created_and_undone() -> None:
     found = route(wanting(10), a_state(Responsiveness()))
 
     assert [type(change) for change in of_it(found)] == [Create]
-    steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    steps = [step for step in found.steps if step.address == ADDRESS]
     assert steps[1].undo.operation == RemoveTaskClass(task="SystemResponsiveness", inside="")
 
 
