@@ -21,7 +21,7 @@ from rarms_iac.measuring.session import (
     starting_again,
     stopped_to_measure,
 )
-from rarms_iac.measuring.tuning_subject import (
+from rarms_iac.measuring.tuning import (
     Experiments,
     TuningConclusion,
     TuningSubject,

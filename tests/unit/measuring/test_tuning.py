@@ -15,7 +15,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.measuring.level_prompt import _predicted
 from rarms_iac.measuring.tune import tuning_findings
-from rarms_iac.measuring.tuning_subject import (
+from rarms_iac.measuring.tuning import (
     LayoutFit,
     TuningStopped,
     TuningSubject,
