@@ -7,8 +7,7 @@ import sys
 
 import click
 
-from rarms_iac.cli.group import root_group
-from rarms_iac.cli.table import all_commands
+from rarms_iac.cli.group import all_commands, root_group
 
 WIDTH = 80
 

@@ -17,8 +17,8 @@ from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestFile, ManifestSourc
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest
+from rarms_iac.cli.group import COMMANDS
 from rarms_iac.cli.session import Session, common_options, session_flag
-from rarms_iac.cli.table import COMMANDS
 from rarms_iac.model.commands import command, prose
 
 T = TypeVar("T")

@@ -22,10 +22,8 @@ from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views import questions
-from rarms_iac.views.console import paragraph
-from rarms_iac.views.harmless import visible
-from rarms_iac.views.questions import Question
-from rarms_iac.views.select import selection_text
+from rarms_iac.views.console import paragraph, visible
+from rarms_iac.views.questions import Question, selection_text
 from rarms_iac.views.tune import TuningProgress, tuned_text
 
 

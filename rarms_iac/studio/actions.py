@@ -41,9 +41,9 @@ from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import WaitLimits
 from rarms_iac.studio.work import Ending, Transcript
 from rarms_iac.views.measure import summary_text
-from rarms_iac.views.prove import proof_text
 from rarms_iac.views.run import run_text, undo_text
 from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text
+from rarms_iac.views.verdicts import proof_text
 
 WAITS = WaitLimits(silence_ms=SILENCE_MS)
 

@@ -9,29 +9,82 @@ from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from types import MappingProxyType
 
+from rarms_iac.app.applying import changed_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import STOP_PARTITIONS, ManifestSource, Option
+from rarms_iac.app.scripts import ScriptSince
 from rarms_iac.app.status import HostOverview, NextCommand
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.measuring.prove import ProveRequest
 from rarms_iac.measuring.tune import TuneRequest
-from rarms_iac.model.commands import PLAN, START, plain_text, sentences
+from rarms_iac.model.commands import PLAN, START, RecommendedCommand, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import natural_order
+from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
-from rarms_iac.studio.plan_page import PlanOnPage, plan_on_page
-from rarms_iac.views.history import RUNS, history_rows
+from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.plan import plan_text
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.tables import levels_of_component
-from rarms_iac.views.status import describe_holders, describe_totals, partitions_table
+from rarms_iac.views.scripts import difference_text
+from rarms_iac.views.status import RUNS, describe_holders, describe_totals, history_rows, partitions_table
 from rarms_iac.views.table import Column, Table, show_cell
 from rarms_iac.views.verdicts import describe_verdicts_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOnPage:
+    """The plan that was made last on the page."""
+
+    id: str
+    text: str  # as a terminal shows it
+    details: str  # with --verbose: every attribute, reason and step, too
+    command: RecommendedCommand  # that makes such a plan and does it
+    is_made_anew: bool  # by that command, of a manifest that has changed: what it does is not this plan
+    scripts: tuple[tuple[str, str, str, str], ...]  # name, text, plan that was applied last, difference to it
+    can_be_applied: bool
+    changed: tuple[str, ...]  # that the manifest or a host has changed since
+
+
+def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) -> PlanOnPage | None:
+    """Show the plan that was made last on the page.
+
+    Args:
+        manifest_options: what commands end with.
+
+    Returns:
+        None: there is none, or it was applied there.
+    """
+    plan = workspace.plan
+    if plan is None:
+        return None
+    changes = changed_manifest(plan, workspace.source)
+    notes = [plain_text(sentences(note.detail, note.advice), manifest_options) for note in changes]
+    hosts = known.overview.hosts if known.overview else ()
+    serials = {host.name: host.compared.serial for host in hosts if host.compared}
+    moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
+    if moved:
+        notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")
+    return PlanOnPage(
+        id=plan.id,
+        text=render(plan_text(plan, sources=known.sources), UNLIMITED, manifest=manifest_options),
+        details=render(plan_text(plan, sources=known.sources, verbose=True), UNLIMITED, manifest=manifest_options),
+        scripts=tuple(_script(since) for since in workspace.scripts),
+        command=workspace.does,
+        is_made_anew=bool(changes),
+        can_be_applied=any(part.steps for part in plan.hosts) and not moved,
+        changed=tuple(notes),
+    )
+
+
+def _script(since: ScriptSince) -> tuple[str, str, str, str]:
+    difference = "" if since.difference is None else render(difference_text(since.difference), UNLIMITED)
+    return since.script.name, since.script.text, since.applied, difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

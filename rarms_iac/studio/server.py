@@ -5,17 +5,18 @@ server-sent events: the page then asks for itself again. All of it passes `guard
 """
 
 import asyncio
+import hashlib
 import json
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from http import HTTPStatus
 from threading import Event, Lock, Thread
 from typing import TypeVar
 
 import uvicorn
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
@@ -23,20 +24,85 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 
 from rarms_iac.app.control import StopSignal
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource, today_utc
+from rarms_iac.app.select import SelectRequest, propose_levels, write_levels
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
+from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.model.commands import command_text, plain_text, sentences
 from rarms_iac.model.diagnostics import in_order
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
-from rarms_iac.studio.connections import LOOPBACK, MOST_ACCEPTED, BoundedProtocol, StudioServer, bind
-from rarms_iac.studio.guard import Guard, Keys
+from rarms_iac.studio.guard import LOOPBACK, MOST_ACCEPTED, BoundedProtocol, Guard, Keys, StudioServer, bind
 from rarms_iac.studio.knowledge import Watch
-from rarms_iac.studio.levels import LevelsAnswer, LevelsBody, answer_levels
 from rarms_iac.studio.page import StudioSettings, page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.questions import selection_text
 from rarms_iac.views.reports.html import FOLDER, MODULES
+
+
+class LevelBody(BaseModel):
+    """A level of an index of a component."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    component: str
+    index: str
+    level: str
+
+
+class LevelsBody(BaseModel):
+    """What the page sends."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    levels: list[LevelBody] = Field(min_length=1)
+    digest: str = ""  # of the texts that were shown as a difference; empty: nothing is written
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelsAnswer:
+    """What follows from levels."""
+
+    text: str  # as `rarms select` says it
+    difference: str  # of the manifest; empty: it says so already
+    digest: str  # of the texts of the manifest's files, before
+
+
+def answer_levels(source: ManifestSource, body: LevelsBody) -> LevelsAnswer:
+    """Show what levels change together, or write all of them.
+
+    Args:
+        body: the levels, and whether they are written.
+
+    Returns:
+        The answer.
+
+    Raises:
+        RequestError: a level cannot be meant, or the manifest changed since the difference was shown.
+        UseCaseError: as of `propose_levels` and `write_levels`.
+    """
+    manifest = load_manifest(replace(source, today=today_utc()))
+    requests = [SelectRequest(component=each.component, level=each.level, index=each.index) for each in body.levels]
+    proposal = propose_levels(manifest, requests)
+    digest = hashlib.sha256("\0".join(edit.before for edit in proposal.edits).encode()).hexdigest()
+    if body.digest:
+        if body.digest != digest:
+            names = in_a_row([edit.file for edit in proposal.edits])
+            raise RequestError(f"The manifest ({names}) has changed since this difference was shown: look at it again.")
+        write_levels(proposal)
+    last = proposal.selections[-1]  # says the headroom, which is the same for all
+    selections = (*(replace(each, totals={}, why_no_headroom="") for each in proposal.selections[:-1]), last)
+    differences = (diff_text(edit.before, edit.after, edit.file, "as it is to be") for edit in proposal.edits)
+    return LevelsAnswer(
+        text="".join(render(selection_text(selection), UNLIMITED) for selection in selections),
+        difference="".join(differences),
+        digest=digest,
+    )
+
 
 TICK_SECONDS = 0.2
 """How often work is looked at for news, and whether the end is asked for."""

@@ -16,9 +16,8 @@ from rarms_iac.applying.run_report import ReportedStep, RunReporter
 from rarms_iac.model.commands import Wording, plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.model.journal import StepStatus
-from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.console import UNLIMITED, render, visible
 from rarms_iac.views.findings_text import findings_text
-from rarms_iac.views.harmless import visible
 from rarms_iac.views.progress import MeasuringProgress
 
 if TYPE_CHECKING:

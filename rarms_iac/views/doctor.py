@@ -1,15 +1,17 @@
-"""What the doctor found on hosts: facts of each, then the findings of all; as JSON for programs, too."""
+"""`rarms doctor` and `rarms install`: facts of each host with the findings of all, and what was installed."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.doctor import Examinations
+from rarms_iac.app.install import HostInstallation, Installation
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
-from rarms_iac.views.console import STRONG, stack, styled
+from rarms_iac.views.console import STRONG, paragraph, stack, styled
 from rarms_iac.views.finding_forms import OutputFormat, findings_as
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
@@ -77,3 +79,37 @@ def _machines(examined: SeenHost, application: str) -> str:
     if not examined.machines:
         return "none seen"
     return f"{examined.machines}: {examined.managed} of {application}, {examined.running} running"
+
+
+HOSTS = (Column("host"), Column("rarms", wraps=True), Column("machine", wraps=True), Column("sent", right=True))
+
+
+def installation_text(result: Installation) -> "RenderableType":
+    """Show a line for each host, and the next command."""
+    rows = [(host.host, _became(host), f"Python {host.python}, {host.machine}", _sent(host)) for host in result.hosts]
+    finished = [
+        paragraph(f"{host.host}: rarms {run.version} finished its run of plan {run.plan}.")
+        for host in result.hosts
+        for run in host.finished
+    ]
+    without_boot = [host.host for host in result.hosts if host.changed and host.version and not host.boot]
+    boot = f"{', '.join(without_boot)}: neither systemd nor cron is there. Run this at each start of the machine: "
+    return stack(
+        Table(HOSTS, rows),
+        *finished,
+        paragraph(prose(boot, START_AT_BOOT, ".")) if without_boot else None,
+        paragraph(prose("Next: ", DOCTOR)) if any(host.version for host in result.hosts) else None,
+    )
+
+
+def _became(host: HostInstallation) -> str:
+    if not host.version:
+        return f"rarms {host.before} removed" if host.before else "rarms is not installed"
+    if not host.changed:
+        return f"rarms {host.version} is already installed"
+    was = f", was {host.before}" if host.before and host.before != host.version else ""
+    return f"rarms {host.version} installed{was}"
+
+
+def _sent(host: HostInstallation) -> str:
+    return f"{host.sent_bytes / 1e6:.0f} MB" if host.sent_bytes else ""

@@ -19,7 +19,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Places, Sev
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.codec import encode_output
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import visible
 from rarms_iac.views.json_output import json_of
 
 if TYPE_CHECKING:

@@ -23,11 +23,12 @@ from rarms_iac.views.console import (
     render,
     stack,
     styled,
+    visible,
 )
-from rarms_iac.views.harmless import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
 
 LINE_END = re.compile(r"\r\n|[\n\r]")
 """What ends a line for editors and for the YAML reader, which refuses the other line ends of Unicode."""
@@ -207,3 +208,41 @@ def _cut_to(text: str, width: int) -> str:
     while columns(start) > width:
         start = start[:-1]
     return start
+
+
+_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
+_BLOCK_STARTS = ("#", "- ", "* ", "```")
+
+
+def unknown_code(code: str) -> str:
+    """Say that a code has no page. A similar number says nothing about what was meant."""
+    return f"There is no finding {code}: docs/diagnostics.md lists them all."
+
+
+def page_text(page: str) -> "RenderableType":
+    """Lay out Markdown as plain text: headings underlined, paragraphs wrapped, code indented as it is."""
+    parts: list[RenderableType] = []
+    lines: list[str] = []
+    in_code = False
+    for line in [*page.splitlines(), ""]:
+        if lines and (not line or line.startswith(_BLOCK_STARTS)):
+            parts.append(paragraph(_LINK.sub(r"\1", " ".join(lines))))
+            lines = []
+        if line.startswith("```"):
+            in_code = not in_code
+        elif in_code:
+            parts.append(_code(line))
+        elif line.startswith("#"):
+            title = line.lstrip("#").strip()
+            parts += [styled(title), ("=" if line.startswith("# ") else "-") * columns(title)]
+        elif line:
+            lines.append(line.strip())
+        else:
+            parts.append("")
+    return stack(*parts[:-1])
+
+
+def _code(line: str) -> "RenderableType":
+    """Return a line of an example: where it is longer than the terminal, the rest stands below its first word."""
+    text = line.lstrip()
+    return paragraph(text, indent=4 + len(line) - len(text))

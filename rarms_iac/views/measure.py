@@ -31,10 +31,9 @@ from rarms_iac.model.system import Component
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import describe_errors, describe_extreme
 from rarms_iac.views.console import paragraph, stack
-from rarms_iac.views.prove import describe_verdict, skipped_sentence
 from rarms_iac.views.status import describe_totals
 from rarms_iac.views.table import Column, Table
-from rarms_iac.views.verdicts import short_bound, why_not_known
+from rarms_iac.views.verdicts import describe_verdict, short_bound, skipped_sentence, why_not_known
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -29,9 +29,8 @@ from rarms_iac.views.changes import (
     members_of,
     tasks_of_created,
 )
-from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled
+from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, visible
 from rarms_iac.views.findings_text import findings_text
-from rarms_iac.views.harmless import visible
 from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.views.console import paragraph, show_seconds, stack
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRows, Table
 

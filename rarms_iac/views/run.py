@@ -26,8 +26,7 @@ from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import describe_counts, members_of
-from rarms_iac.views.console import paragraph, show_seconds, stack
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.json_output import json_of
 
 if TYPE_CHECKING:

@@ -1,31 +1,37 @@
-"""`rarms status`: how an application stands on its hosts, and the command that comes next."""
+"""`rarms status` and `rarms history`: hosts with their partitions and totals, and the runs on them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.app.status import HostOverview, Overview, PartitionStatus, TestPartitionStatus
+from rarms_iac.app.drift import ComparedHost
+from rarms_iac.app.report_model import ComponentProof, PlatformCapacity
+from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus, TestPartitionStatus
 from rarms_iac.applying.refusals import describe_missing_journal
-from rarms_iac.model.commands import prose, sentences
+from rarms_iac.diff.drift import DriftKind
+from rarms_iac.model.commands import APPLY, PLAN, Wording, prose, sentences
 from rarms_iac.model.indexes import show_threshold
-from rarms_iac.model.journal import RunKind
+from rarms_iac.model.journal import Closing, PastRun, RunKind
 from rarms_iac.model.outcomes import Achievement
-from rarms_iac.model.quantities import share_of_processors, show_processors
+from rarms_iac.model.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
-from rarms_iac.views.changes import members_of
+from rarms_iac.views.changes import TITLES, members_of, name_findings
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled
-from rarms_iac.views.drift import TITLES, name_findings
-from rarms_iac.views.history import describe_run
-from rarms_iac.views.prove import describe_proof_setting, describe_verdict, proof_time
 from rarms_iac.views.table import Column, Row, Table
-from rarms_iac.views.verdicts import describe_verdicts
+from rarms_iac.views.verdicts import (
+    describe_proof_setting,
+    describe_verdict,
+    describe_verdicts,
+    proof_time,
+    why_not_known,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
 
 BAR = 20
 """Columns of a bar."""
@@ -182,3 +188,101 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
             setting = describe_proof_setting(proof)
             sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
     return list(dict.fromkeys(sentences))
+
+
+RUNS = (
+    Column("when"),
+    Column("run"),
+    Column("plan"),
+    Column("application", wraps=True),
+    Column("by", wraps=True),
+    Column("ending", wraps=True),
+)
+
+
+def describe_run(run: PastRun) -> str:
+    """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
+    robot = f" on {run.robot}" if run.robot else ""
+    return f"{_command(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
+
+
+def history_text(history: History) -> "RenderableType":
+    """Show the runs on each host, the last one first; what was taken back is said at the apply."""
+    parts: list[RenderableType] = []
+    for host, runs in history.hosts.items():
+        marked = history.unrecorded.get(host)
+        parts.append(styled((f"Host {host}", STRONG), "" if runs or marked else "  nothing was applied here"))
+        if marked:
+            parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
+        parts.append(Table(RUNS, history_rows(runs), indent=2))
+    return stack(*parts)
+
+
+def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
+    """When, what, which plan of which application and robot, by whom, and how it ended; the last run first.
+
+    Args:
+        runs: of a host, the oldest first.
+    """
+    rows = []
+    for number, run in enumerate(runs, start=1):
+        whose = f"{run.application} on {run.robot}" if run.robot else run.application
+        ending = _ending(run, runs[number:])
+        rows.append((run.started_at, _command(run), run.plan, whose, run.started_by, ending))
+    return rows[::-1]
+
+
+def _command(run: PastRun) -> str:
+    return run.purpose.value if run.run is RunKind.APPLY else run.run.value
+
+
+def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
+    """How a run ended, or that one after it took it back."""
+    undos = (other for other in later if other.run is RunKind.UNDO and other.plan == run.plan)
+    if run.run is RunKind.APPLY and any(undo.closing is Closing.DONE for undo in undos):
+        return "undone"
+    return run.ending
+
+
+def fit_text(fit: PlatformCapacity) -> str:
+    """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`.
+
+    What is kept for the hosts and what unmanaged machines have is named where there is some.
+
+    While the reservation of a component is not known, the total begins with "at least" and no headroom is said.
+    """
+    unpromised, hosts = fit.unpromised_lp, ", ".join(fit.hosts)
+
+    def amount(processors: Fraction) -> str:
+        return f"{show_processors(processors)} ({share_of_host(processors, fit.processors, hosts)})"
+
+    least = "at least " if fit.unknown else ""
+    room = (
+        f"Headroom of {hosts}: {amount(unpromised)}"
+        if unpromised >= 0
+        else f"Over {hosts} by {least}{amount(-unpromised)}"
+    )
+    if fit.unknown:
+        room = f"Headroom of {hosts}: not known: {why_not_known(fit.unknown)}" if unpromised >= 0 else room
+    share = share_of_host(fit.reserved_lp, fit.processors, hosts)
+    reserved = f"{least}{show_processors(fit.reserved_lp)} of {show_processors(fit.processors)} reserved"
+    return f"{reserved[:1].upper()}{reserved[1:]} ({share}){other_claims_text(fit)}. {room}."
+
+
+def other_claims_text(fit: PlatformCapacity) -> str:
+    """`, 0.2 LP kept for the host`: what is neither reserved by the application nor headroom."""
+    return "".join(f", {text}" for text in describe_other_claims(fit.unmanaged_lp, fit.kept_lp))
+
+
+def applied_text(host: ComparedHost, *, is_planned: bool) -> Wording:
+    """Whether what the manifest asks for is on the host, and what brings it there."""
+    if not is_planned:
+        return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
+    if not host.to_apply:
+        return "Applied: the host is as the manifest wants it."
+    addresses_of: dict[str, list[str]] = {}
+    for difference in host.to_apply:
+        title = TITLES[DriftKind.NOT_APPLIED if difference.drift is DriftKind.MISSING else difference.drift]
+        addresses_of.setdefault(title, []).append(str(difference.address))
+    parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")

@@ -13,7 +13,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
 from rarms_iac.model.commands import Prose, Wording, plain_text
-from rarms_iac.views.harmless import spell_out_hidden, visible
+from rarms_iac.views.console import spell_out_hidden, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

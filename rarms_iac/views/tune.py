@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import in_a_row
@@ -140,3 +141,17 @@ def manifest_changes(result: TuningResult) -> tuple[str, ...]:
     """Say what became of the manifest, a sentence each."""
     gone = (f"The entry of partition {name} is gone: its components are elsewhere now." for name in result.removed)
     return (*gone, *(f"Written to {file}." for file in result.files))
+
+
+def tuning_text(tuning: PlatformTuning) -> str:
+    """Return what came of it, and whether it is the best there is."""
+    run = tuning.run
+    before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
+    result = f"{before} became {after}" if run.before != run.after else before
+    result += f", the capacity is {capacity}"
+    proof = "".join(f" {sentence}" for sentence in describe_proof(run))
+    broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
+    written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
+    ending = (run.message or run.ending.replace("_", " ")).capitalize()
+    outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())
+    return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"

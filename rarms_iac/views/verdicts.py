@@ -1,13 +1,26 @@
-"""The verdict on components in words, for all views."""
+"""Verdicts in words, for all views, and `rarms prove`: every index of the applied layout with its verdict."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from rarms_iac.app.report_model import ComponentVerdict
+from rarms_iac.app.report_model import ComponentProof, ComponentVerdict
+from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import MEASURE, Prose, prose
-from rarms_iac.model.indexes import PerformanceIndex, show_bound
-from rarms_iac.model.outcomes import Achievement
-from rarms_iac.model.system import Threshold
-from rarms_iac.model.wording import in_a_row, list_names
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
+from rarms_iac.model.outcomes import Achievement, VerdictWord, verdict_word
+from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.series import SkippedLines
+from rarms_iac.model.setting import join_skipped
+from rarms_iac.model.system import Component, Threshold, run_of
+from rarms_iac.model.wording import counted, in_a_row, list_names, natural_order
+from rarms_iac.running.reading import describe_skipped
+from rarms_iac.statistics.distributions import describe_errors
+from rarms_iac.views.console import paragraph
+from rarms_iac.views.table import Column, Table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 def describe_achievement(achievement: Achievement, not_measured: tuple[str, ...]) -> str:
@@ -61,3 +74,108 @@ def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
 def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
     """`p95 <= 100 ms`, `success_rate >= 99 %`: what leaves room in a table."""
     return f"{index.name.removesuffix('_response_time')} {show_bound(index, threshold)}"
+
+
+VERDICTS = (
+    Column("component", wraps=True),
+    Column("host", wraps=True),
+    Column("threshold", wraps=True),
+    Column("measured", right=True),
+    Column("load", wraps=True),
+    Column("verdict", wraps=True),
+)
+
+
+def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
+    """Return a table a host and load, a row an index, and a sentence each."""
+    if not any(proof.verdicts for proof in proofs):
+        return paragraph("No component that ran has a threshold: nothing is proven.")
+    rows = [
+        _row(proof, verdict)
+        for proof in proofs
+        for verdict in sorted(proof.verdicts, key=lambda each: natural_order(each.measured.component))
+    ]
+    sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
+    return Table(
+        VERDICTS, rows, totals=[*sharing, *_describe_skipped(proofs), _sureness(proofs), *map(_sentence, proofs)]
+    )
+
+
+def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
+    """Return the number of lines that are not samples, with the first of them."""
+    return f"{component.name}: {describe_skipped(run_of(component).samples, skipped)}."
+
+
+def _describe_skipped(proofs: Sequence[LayoutProof]) -> Iterator[str]:
+    skipped = join_skipped(evidence for proof in proofs for evidence in proof.evidence)
+    components = {component.name: component for proof in proofs for component in proof.layout.components}
+    return (skipped_sentence(components[name], skipped[name]) for name in sorted(skipped, key=natural_order))
+
+
+def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:
+    measured, index = verdict.measured, index_named(verdict.measured.index)
+    value = "-" if measured.estimate is None else show_value(index, measured.estimate.value, measured.threshold)
+    bound = short_bound(index, measured.threshold)
+    return measured.component, proof.host, bound, value, proof.interference or "no load", _verdict(verdict)
+
+
+def _verdict(verdict: IndexVerdict) -> str:
+    measured = verdict.measured
+    word = describe_verdict(index_named(measured.index), verdict_word(verdict.verdict))
+    if measured.overload is not None:
+        return f"{word}, {measured.reason}"
+    return f"{word}: {verdict.samples_needed} samples may tell" if verdict.samples_needed else word
+
+
+def describe_proof_setting(proof: ComponentProof) -> str:
+    """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs beside busy-loop`: when and under what it ran."""
+    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof_time(proof)}, on {proof.host} with {proof.reserve} % of its VPs {with_load}"
+
+
+def proof_time(proof: ComponentProof) -> str:
+    """Return when it was proven, to the second, as all times are shown: `2026-02-01 12:00:00 UTC`."""
+    return f"{proof.when[:10]} {proof.when[11:19]} UTC"
+
+
+def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
+    """`met`; of a maximum or minimum `met so far`, since the next job may do worse; undecided: `not shown yet`."""
+    if verdict in NOT_SHOWN:
+        return "not shown yet"
+    return "met so far" if index.is_extreme and verdict == "met" else verdict
+
+
+NOT_SHOWN: tuple[VerdictWord, ...] = ("within the noise", "too few samples")
+"""Verdicts that more samples may change."""
+
+
+def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
+    """Yield a sentence a partition of several components."""
+    for name, members in sorted(proof.layout.partitions.items(), key=lambda entry: natural_order(entry[0])):
+        if len(members) > 1:
+            yield f"{in_a_row([member.name for member in members])} share partition {name}."
+
+
+def _sentence(proof: LayoutProof) -> str:
+    counts = Counter(
+        "not shown yet" if (word := verdict_word(each.verdict)) in NOT_SHOWN else word for each in proof.not_met
+    )
+    shortfalls = [
+        f"{count} {'without a steady state' if word == 'no steady state' else word}"
+        for word, count in sorted(counts.items())
+    ]
+    message = ", ".join(shortfalls) or "all thresholds met"
+    layout = proof.layout
+    count = len(layout.components)
+    components = f"{count} components together" if count > 1 else "1 component"
+    amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
+    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof.host}: {components} on {amount} {with_load}, in {counted(proof.starts, 'start')}: {message}."
+
+
+def _sureness(proofs: Sequence[LayoutProof]) -> str:
+    """How sure the verdicts are."""
+    verdicts = [(each, index_named(each.measured.index)) for proof in proofs for each in proof.verdicts]
+    sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
+    so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)
+    return describe_errors(sure=sure, so_far=so_far)

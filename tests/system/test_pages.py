@@ -15,8 +15,7 @@ from pathlib import Path
 import click
 import pytest
 
-from rarms_iac.cli.group import root_group
-from rarms_iac.cli.table import COMMANDS
+from rarms_iac.cli.group import COMMANDS, root_group
 from tests.fake_powershell import program as powershell
 from tests.fake_powershell.host import Program
 from tests.fake_powershell.observing import host_from

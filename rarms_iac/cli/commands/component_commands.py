@@ -18,8 +18,8 @@ from rarms_iac.measuring.run_component import RunRequest, become_component, run_
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.progress import FailureReporter, LiveSampleReporter
-from rarms_iac.views.prove import proof_text
-from rarms_iac.views.select import selection_text
+from rarms_iac.views.questions import selection_text
+from rarms_iac.views.verdicts import proof_text
 
 
 @rarms_command("select")

@@ -10,7 +10,7 @@ from rarms_iac.cli.completion import completion_script
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.storage.shipped import FindingPage, code_of, finding_page, is_code, shipped_text
-from rarms_iac.views.finding_page import page_text, unknown_code
+from rarms_iac.views.findings_text import page_text, unknown_code
 from rarms_iac.views.json_output import json_of
 
 
@@ -43,7 +43,7 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     from rarms_iac.app.explain import explain_component
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
-    from rarms_iac.views.explanation import explanation_text
+    from rarms_iac.views.explain import explanation_text
 
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)
@@ -55,7 +55,7 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
 def _guide(session: Session, source: ManifestSource, name: str) -> ExitCode:
     from rarms_iac.app.guide import guide_facts
     from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.views.guide import guide_text
+    from rarms_iac.views.explain import guide_text
 
     facts = guide_facts(load_manifest(source), name)
     session.answer(lambda: json_of(facts), lambda: guide_text(facts))

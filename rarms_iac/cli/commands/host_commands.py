@@ -1,12 +1,14 @@
-"""Commands about hosts as they are: `rarms doctor`, `status`, `history`, `drift`, `snapshot` and `simulate`."""
+"""Commands about hosts as they are: `rarms doctor`, `status`, `history`, `drift`, `snapshot`, `simulate`, `install`."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from rarms_iac.app.control import Control
 from rarms_iac.app.doctor import examine_hosts, report_examinations
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.files import make_folder, write_file, write_new_file
 from rarms_iac.app.hosts import record_host, select_hosts
+from rarms_iac.app.install import InstallRequest, install
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, SnapshotSelection, flag, option
 from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
@@ -15,15 +17,13 @@ from rarms_iac.app.status import history_of_hosts, overview_of
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import write_outputs
-from rarms_iac.cli.options import OutputOptions
+from rarms_iac.cli.messages import OutputOptions, TerminalReporter, tell, write_outputs
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.doctor import doctor_as
-from rarms_iac.views.drift import drift_text
-from rarms_iac.views.history import history_text
+from rarms_iac.views.changes import drift_text
+from rarms_iac.views.doctor import doctor_as, installation_text
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.status import status_text
+from rarms_iac.views.status import history_text, status_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,4 +157,22 @@ def simulate_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     host = change_behind_rarms(hosts, change)
     session.terminal.tell(f"{host}: changed {change.partition} as another tool would.")
+    return ExitCode.DONE
+
+
+@rarms_command("install")
+def install_command(
+    session: Session, source: ManifestSource, host_selection: HostSelection, request: InstallRequest
+) -> ExitCode:
+    """Install this version of rarms on Linux hosts, or remove it with --remove.
+
+    It goes to /opt/rarms, with all that it needs, over the connection of the manifest. The host needs Python 3.11 or
+    newer, and no internet. A run that another version left unfinished is finished by that version first. The version
+    before stays there; older ones are removed.
+    """
+    hosts = select_hosts(load_manifest(source), host_selection)
+    with TerminalReporter(session) as reporter:
+        result = install(hosts, request, Control(reporter=reporter))
+    tell(session.terminal, result.findings)
+    session.answer(lambda: json_of(result), lambda: installation_text(result))
     return ExitCode.DONE

@@ -11,8 +11,7 @@ from rarms_iac.app.manifests import sources_in, validate
 from rarms_iac.app.requests import DatedManifestSource, ManifestFile, argument, flag, option
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import write_outputs
-from rarms_iac.cli.options import OutputOptions
+from rarms_iac.cli.messages import OutputOptions, write_outputs
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.manifest.load import manifest_path

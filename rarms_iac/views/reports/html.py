@@ -18,11 +18,10 @@ from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.distributions import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
+from rarms_iac.views.console import visible
 from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.graph import drawing_of
-from rarms_iac.views.harmless import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
-from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.tables import (
     candidates_left_out,
     levels_table,
@@ -31,7 +30,9 @@ from rarms_iac.views.reports.tables import (
     trail_table,
     tuned_table,
 )
+from rarms_iac.views.status import applied_text, fit_text
 from rarms_iac.views.table import show_cell
+from rarms_iac.views.tune import tuning_text
 from rarms_iac.views.verdicts import advise_to_measure
 
 if TYPE_CHECKING:

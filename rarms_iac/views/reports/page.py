@@ -15,8 +15,8 @@ from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.sentences import other_claims_text
 from rarms_iac.views.reports.tables import settings_of
+from rarms_iac.views.status import other_claims_text
 from rarms_iac.views.table import Table, show_cell
 from rarms_iac.views.verdicts import describe_achievement
 

@@ -21,10 +21,9 @@ from rarms_iac.model.outcomes import Achievement, ReservationVerdict
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.graph import candidates_table
-from rarms_iac.views.prove import describe_verdict, proof_time
 from rarms_iac.views.table import Cell, Column, Row, Table, finite
 from rarms_iac.views.tune import partitions_table
-from rarms_iac.views.verdicts import describe_achievement, short_bound
+from rarms_iac.views.verdicts import describe_achievement, describe_verdict, proof_time, short_bound
 
 MOST_CANDIDATES = 24
 

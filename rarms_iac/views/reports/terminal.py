@@ -15,8 +15,9 @@ from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.sentences import applied_text, fit_text, tuning_text
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
+from rarms_iac.views.status import applied_text, fit_text
+from rarms_iac.views.tune import tuning_text
 from rarms_iac.views.verdicts import advise_to_measure
 
 if TYPE_CHECKING:

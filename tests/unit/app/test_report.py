@@ -30,8 +30,8 @@ from rarms_iac.storage.datalog.log import Recorded
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.records import LogLine
 from rarms_iac.views.reports.page import cards_of, data_of
-from rarms_iac.views.reports.sentences import fit_text
 from rarms_iac.views.reports.tables import levels_table, totals_table
+from rarms_iac.views.status import fit_text
 from rarms_iac.views.table import show_cell
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import HELD, PROOF, PROVEN, TAKEN, a_bench, a_log, a_series, a_setting, a_subject

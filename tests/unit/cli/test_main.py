@@ -14,8 +14,8 @@ from rarms_iac import __version__
 from rarms_iac.app.use_case_errors import BUG, Outcome, UseCaseError, system_finding
 from rarms_iac.cli import entry
 from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
+from rarms_iac.cli.group import COMMANDS
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.table import COMMANDS
 from rarms_iac.storage.shipped import known_codes
 from rarms_iac.views.terminal import Terminal
 from tests.needs import CHECKOUT

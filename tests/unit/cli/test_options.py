@@ -17,9 +17,9 @@ from rarms_iac.app.requests import (
 )
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.command import parameters_of, request_of
-from rarms_iac.cli.options import OutputOptions, StopOptions
+from rarms_iac.cli.group import all_commands
+from rarms_iac.cli.messages import OutputOptions, StopOptions
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.table import all_commands
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.measuring.run_component import RunRequest
 from rarms_iac.measuring.tune import TuneRequest

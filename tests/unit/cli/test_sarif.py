@@ -10,7 +10,7 @@ import click
 import jsonschema
 import pytest
 
-from rarms_iac.cli.table import COMMANDS, load_command
+from rarms_iac.cli.group import COMMANDS, load_command
 from rarms_iac.manifest.load import load_system
 from rarms_iac.model.diagnostics import Finding, with_places
 from tests.needs import require

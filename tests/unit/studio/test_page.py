@@ -17,18 +17,18 @@ from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Finding, Place
 from rarms_iac.providers.cgroups import provider
 from rarms_iac.studio.actions import Workspace
-from rarms_iac.studio.connections import LOOPBACK, bind
+from rarms_iac.studio.guard import LOOPBACK, bind
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Watch
 from rarms_iac.studio.page import (
     BarPart,
     ComponentOnPage,
     HostOnPage,
+    PlanOnPage,
     StudioOnPage,
     StudioSettings,
     page_of,
     render_studio,
 )
-from rarms_iac.studio.plan_page import PlanOnPage
 from rarms_iac.views.table import Column, Table
 from tests.needs import ON_WINDOWS
 from tests.unit.views.reports.test_html import REPORT

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, STRONG, UNLIMITED, columns, indented, paragraph, render, stack, styled
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import BAD, STRONG, UNLIMITED, columns, indented, paragraph, render, stack, styled, visible
 from rarms_iac.views.table import Column, Row, Table, cut_row
 from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
 from rarms_iac.storage.shipped import finding_page
-from rarms_iac.views.console import columns, render
-from rarms_iac.views.finding_page import page_text, unknown_code
-from rarms_iac.views.findings_text import findings_summary, findings_text
-from rarms_iac.views.harmless import visible
+from rarms_iac.views.console import columns, render, visible
+from rarms_iac.views.findings_text import findings_summary, findings_text, page_text, unknown_code
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")

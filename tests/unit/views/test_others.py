@@ -19,12 +19,12 @@ from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.totals import Totals
+from rarms_iac.views.changes import drift_text
 from rarms_iac.views.console import live_console, render
-from rarms_iac.views.drift import drift_text
 from rarms_iac.views.graph import graph_text, mermaid_quoted
-from rarms_iac.views.history import history_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
+from rarms_iac.views.status import history_text
 from tests.builders import a_host, the_delivery_robot
 from tests.builders_plan import (
     create,

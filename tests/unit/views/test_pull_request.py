@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.diagnostics import Finding, Place, Severity
-from rarms_iac.views.markdown import findings_markdown
-from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, marker
+from rarms_iac.views.markdown import LONGEST_COMMENT, failure_comment, findings_markdown, marker
 from tests.needs import require
 from tests.robots import fleet_manifest
 from tests.unit.cli.running import rarms

@@ -1,18 +1,34 @@
-"""How to give a component by hand what it gets: `rarms explain --guide`, in Markdown.
+"""`rarms explain COMPONENT`: each value with its source, and with `--guide` how to set it up by hand, in Markdown.
 
-It is for a component that cannot be changed, on hosts that rarms does not reach. Its order matters, and is said.
+The guide is for a component that cannot be changed, on hosts that rarms does not reach. It says its order.
 """
 
 import shlex
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.explain import Explanation
 from rarms_iac.app.guide import GuideFacts
+from rarms_iac.model.commands import prose
 from rarms_iac.model.quantities import show_reserve
 from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+
+ROWS = tuple(Column(title, wraps=True) for title in ("name", "value", "source"))
+
+
+def explanation_text(explanation: Explanation) -> "RenderableType":
+    """Show a row a value, with where it comes from."""
+    rows = [(row.name, row.value, row.source) for row in explanation.rows]
+    return stack(
+        f"{explanation.component} (criticality {explanation.criticality})",
+        Table(ROWS, rows),
+        *(paragraph(prose("Next: ", command)) for command in explanation.commands),
+    )
 
 
 def guide_text(facts: GuideFacts) -> "RenderableType":

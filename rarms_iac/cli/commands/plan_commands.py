@@ -1,12 +1,23 @@
-"""`rarms show`: a plan file, as `rarms plan` showed it, and its scripts as they run."""
+"""`rarms plan`: what would change, and why; `rarms show`: a plan file, and its scripts as they run."""
 
 from dataclasses import dataclass
+from functools import partial
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.plan_files import read_plan_file
 from rarms_iac.app.planning import plan as make_plan
-from rarms_iac.app.requests import ManifestSource, SnapshotSelection, argument, flag, option, verbose_option
+from rarms_iac.app.planning import plan_request
+from rarms_iac.app.requests import (
+    DatedManifestSource,
+    ManifestSource,
+    PlanLimits,
+    SnapshotSelection,
+    argument,
+    flag,
+    option,
+    verbose_option,
+)
 from rarms_iac.app.scripts import (
     RECEIVE_NAME,
     PlanScripts,
@@ -20,18 +31,69 @@ from rarms_iac.app.scripts import (
     write_installable_module,
     write_scripts,
 )
-from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.app.use_case_errors import RequestError, UseCaseError
+from rarms_iac.cli.applying import write_and_advise
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
+from rarms_iac.cli.messages import OutputOptions, write_outputs
 from rarms_iac.cli.session import Session
-from rarms_iac.model.diagnostics import Findings, has_errors
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.manifest.text.tree import first_line
+from rarms_iac.model.diagnostics import Findings, Places, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.templates import ScriptForm
 from rarms_iac.views.console import paragraph
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.markdown import is_for_findings, no_plan_as, plan_as
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.scripts import difference_text, left_out, script_text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOptions(OutputOptions):
+    """Where the plan goes, and how it is shown."""
+
+    out: str | None = option("--out", metavar="FILE", help="Write the plan file, for `rarms apply FILE`.")
+    verbose: bool = verbose_option()
+    detailed_exitcode: bool = flag(
+        "--detailed-exitcode", help="End with exit code 2 where there are changes; those that are held back count."
+    )
+
+
+@rarms_command("plan")
+def plan_command(
+    session: Session,
+    source: DatedManifestSource,
+    host_selection: SnapshotSelection,
+    limits: PlanLimits,
+    options: PlanOptions,
+) -> ExitCode:
+    """Show what would change on the hosts, and change nothing.
+
+    --output markdown is the comment of a pull request; sarif, junit and github have the findings, also where there is
+    no plan.
+    """
+    outputs = options.targets(session)
+    places: Places = first_line(manifest_path(source.manifest))
+    try:
+        manifest = load_manifest(source)
+        places = manifest.places
+        hosts = select_hosts(manifest, host_selection)
+        plan = make_plan(hosts, plan_request(hosts, limits))
+    except UseCaseError as error:
+        findings = [output for output in outputs if is_for_findings(output.format)]
+        form_of = partial(no_plan_as, manifest=source.manifest, error=error, places=places)
+        write_outputs(session.terminal, findings, form_of)
+        raise
+    write_outputs(
+        session.terminal,
+        outputs,
+        lambda form: plan_as(form, plan, hosts.manifest, verbose=options.verbose),
+    )
+    if options.out is not None:
+        write_and_advise(session, options.out, plan)
+    return ExitCode.FOUND if options.detailed_exitcode and plan.has_changes else ExitCode.DONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
