@@ -63,15 +63,24 @@ class Strategy(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searching:
-    """A search of `measuring.search`, kept within what the host can give; it ends with what a plan reserves."""
+    """A search of `measuring.search`, kept within what the host can give; it ends with what a plan reserves.
+
+    Where other loads ask for a floor, it shows that this is enough with this load, too, or else searches above it.
+    """
 
     goal: Goal
     decide_search: SearchMethod
     most: int  # the highest CR that the host can give
+    floor: int = 0  # in per cent; 0: this is the first load
 
     def decide(self, settings: Sequence[Setting]) -> SearchDecision:
         finished = {setting.reserve for setting in settings if is_finished(setting, self.goal)}
         judged = judge_settings(settings, self.goal)
+        if self.floor and judged.least is not None and judged.least <= self.floor:
+            lower = [setting for setting in settings if setting.reserve < self.floor]
+            return sufficient(judge_settings(lower, self.goal).trials, self.floor)
+        if self.floor and self.floor not in finished:
+            return Measure(reserve=self.floor, until_clear=True, within_until=self.goal.ends_at_until)
         trials = [trial for trial in judged.trials if trial.reserve in finished]
         decision = self.decide_search(trials, self.goal)
         can_pass = may_be_shown(trials, self.goal) or any(trial.passed for trial in trials)
@@ -129,24 +138,6 @@ class Checking:
         return Measure(reserve=self.reserve, until_clear=True, within_until=self.goal.ends_at_until)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Confirming:
-    """Shows that what other loads ask for is enough with this one, too, or else searches the least that is."""
-
-    goal: Goal
-    floor: int  # in per cent
-    search: Searching
-
-    def decide(self, settings: Sequence[Setting]) -> SearchDecision:
-        judged = judge_settings(settings, self.goal)
-        if judged.least is not None and judged.least <= self.floor:
-            lower = [setting for setting in settings if setting.reserve < self.floor]
-            return sufficient(judge_settings(lower, self.goal).trials, self.floor)
-        if not any(setting.reserve == self.floor and is_finished(setting, self.goal) for setting in settings):
-            return Measure(reserve=self.floor, until_clear=True, within_until=self.goal.ends_at_until)
-        return self.search.decide(settings)
-
-
 PAPER = "paper"
 """The name of the paper's procedures in `STRATEGIES`. They assume that only P1 and P2 reserve anything."""
 
@@ -196,7 +187,6 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
             return Checking(goal=replace(goal, ends_at_until=is_of_paper(method)), reserve=reserve)
         case Search(strategy=name, floor=floor):
             goal = replace(goal, ends_at_until=name == PAPER)
-            search = Searching(goal=goal, decide_search=STRATEGIES[name], most=most)
-            return Confirming(goal=goal, floor=floor, search=search) if floor else search
+            return Searching(goal=goal, decide_search=STRATEGIES[name], most=most, floor=floor)
         case _:
             assert_never(method)
