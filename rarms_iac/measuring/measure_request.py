@@ -61,14 +61,14 @@ class MeasureRequest:
     interference: tuple[str, ...] = option(
         "--interference",
         metavar="NAME",
-        help="The load beside it; repeatable. [default: as the manifest says]",
+        help="Measure with this load; repeatable. [default: as the manifest says]",
         default=(),
     )
     samples: int | None = samples_option()
-    seed: int | None = option("--seed", least=1, help="Draw chance from here; only its own settings count.")
-    again: bool = flag("--again", help="Measure all of it once more, beside what is recorded.")
+    seed: int | None = option("--seed", least=1, help="Seed of the random numbers; only settings with this seed count.")
+    again: bool = flag("--again", help="Measure everything again; earlier results stay in the logs.")
     weak_load: bool = flag(
-        "--weak-load", help="Take an answer that rests on loads which leave processors idle; the log says so."
+        "--weak-load", help="Accept an answer although the loads left processors idle; the log says so."
     )
     on_busy_host: bool = busy_host_option()
     lock_timeout_ms: int = lock_timeout_option()

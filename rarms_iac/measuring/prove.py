@@ -52,15 +52,15 @@ class ProveRequest:
     interference: tuple[str, ...] = option(
         "--interference",
         metavar="NAME",
-        help="Beside this load; repeatable: one after the other. [default: the policy's]",
+        help="Prove with this load; repeatable, one after the other. [default: the policy's]",
         default=(),
     )
-    without_load: bool = flag("--without-load", help="Beside no load: what is shown counts as that.")
+    without_load: bool = flag("--without-load", help="Prove without a load; the logs say so.")
     load_host: bool = load_host_option()
     samples: int | None = option(
-        "--samples", least=2, help="At least so many a component. [default: as its thresholds need]"
+        "--samples", least=2, help="Take at least this many of each component. [default: as its thresholds need]"
     )
-    seed: int = option("--seed", least=1, help="Draw chance from here. [default: 1]", default=USUAL_SEED)
+    seed: int = option("--seed", least=1, help="Seed of the random numbers. [default: 1]", default=USUAL_SEED)
     lock_timeout_ms: int = lock_timeout_option()
 
 

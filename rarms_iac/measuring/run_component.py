@@ -128,13 +128,13 @@ class RunRequest:
 
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all that say how
     for_ms: int | None = option(
-        "--for", metavar="TIME", read=read_time, help="For so long: 5s. [default: as `until` says]"
+        "--for", metavar="TIME", read=read_time, help="Run for this long: 5s. [default: as `until` says]"
     )
-    samples: int | None = option("--samples", least=1, help="Until there are so many. [default: as `until` says]")
+    samples: int | None = option("--samples", least=1, help="Run until there are this many. [default: as `until` says]")
     interference: str | None = option(
-        "--interference", metavar="NAME", help="Against this load of the manifest. [default: none]"
+        "--interference", metavar="NAME", help="Run with this load of the manifest. [default: none]"
     )
-    together: bool = flag("--together", help="All at once. [default: one after the other]")
+    together: bool = flag("--together", help="Run all at once. [default: one after the other]")
 
     def __post_init__(self) -> None:
         if self.for_ms is not None and self.for_ms < 1:
