@@ -1,10 +1,11 @@
 """Measured things for tests: settings, headers and logs, by what a test is about."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
 
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts, Setting
@@ -105,24 +106,17 @@ PROVEN = Proven(
 )
 """A proof of a threshold that held, as a configuration log has it."""
 
-PROOF = ComponentProof(
-    component="vision",
-    index=index_named("mean_response_time"),
-    threshold=at_most(100),
-    value=90.0,
-    lower=None,
-    upper=95.0,
-    met=True,
-    verdict="met",
-    error=0.01,
-    when="2026-11-21T12:00:00Z",
-    host="onboard",
-    reserve=64,
-    interference="busy-loop",
-    samples_needed=None,
-    outdated=(),
-)
-"""Such a proof as a report has it."""
+
+def a_proof(outdated: tuple[str, ...] = (), **changes: Any) -> ComponentProof:
+    """Such a proof as a report has it: fields of the entry or of its index are changed."""
+    usual = {"when": "2026-11-21T12:00:00Z", "reserve": 64, "partition": "", "beside": (), "serial": 0}
+    entry = {**usual, "interference": "busy-loop", **changes}
+    names = {part.name for part in fields(ProvenIndex)}
+    of_index = {name: value for name, value in changes.items() if name in names}
+    index = replace(HELD, **{"value": 90.0, "lower": None, "upper": 95.0, **of_index})
+    of_entry = {name: value for name, value in entry.items() if name not in names}
+    return ComponentProof(entry=replace(PROVEN, indexes=(index,), **of_entry), proven=index, outdated=outdated)
+
 
 TUNED = TuningRun(
     when="2026-11-21T12:00:00Z",

@@ -3,13 +3,14 @@
 Begin at `explain_component`. Hosts are looked at; one that cannot be counts by what the manifest says.
 """
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.decision_logs import TUNE, PreviousTuning, RejectedCompound, previous_tuning
+from rarms_iac.app.explained_log import ExplainedValue, log_rows, threshold_rows
 from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
@@ -19,21 +20,19 @@ from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
-from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.layout import Layout, PlacedPartition, describe_placement
 from rarms_iac.model.quantities import (
     LogicalProcessors,
     guaranteed,
     in_processors,
     share_of_host,
-    share_of_processors,
     show_bytes,
     show_processors,
     show_reserve,
 )
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import PartitionSettings, State
-from rarms_iac.model.system import AtMost, Component, Disruption, Measured, System, Threshold
+from rarms_iac.model.system import Component, Disruption, Measured, System
 from rarms_iac.model.wording import counted, in_a_row, natural_order, suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -42,8 +41,6 @@ from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_lo
 from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured
-from rarms_iac.statistics.curves import Curve, highest_missed, holds
-from rarms_iac.statistics.distributions import describe_extreme
 from rarms_iac.storage.shipped import known_codes
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
@@ -54,15 +51,6 @@ PROCESSORS_FROM = {
     ProcessorSource.MEMBERS: "those of its components together, at most the host's",
     ProcessorSource.HOST: "as many as the host has; how many it uses at once is not known",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class ExplainedValue:
-    """A value on the way to what a component gets."""
-
-    name: str
-    value: str
-    source: str = ""  # where it comes from, or why it is so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +105,7 @@ def explain_component(manifest: Manifest, name: str) -> Explanation:
 def _on_the_host(component: Component, system: System) -> Explanation:
     homes = [host for host in by_name(system.hosts) if component.hosts is None or host.name in component.hosts]
     rows = [
-        *_thresholds(component, ""),
+        *threshold_rows(component, ""),
         ExplainedValue("host", ", ".join(host.name for host in homes) or "none", "manifest: runs_on: host"),
         ExplainedValue("reservation", "none", "only partitions have one; it is not measured"),
         ExplainedValue("task class", component.task or "none", "manifest"),
@@ -131,14 +119,6 @@ def _on_the_host(component: Component, system: System) -> Explanation:
         rows=tuple(rows),
         commands=(PLAN,) if component.task else (),
     )
-
-
-def _thresholds(component: Component, of: str) -> Iterator[ExplainedValue]:
-    for index, threshold in component.apt.items():
-        value = show_threshold(index_named(index), threshold)
-        yield ExplainedValue(f"{index}{of}", value, "manifest")
-    if not component.apt and not of:
-        yield ExplainedValue("threshold", "none", "manifest")
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,14 +174,14 @@ class _Case:
         by_log = depends_on_a_log(self.group)
         compounds = tuple(previous.rejected(names_of(self.group.members))) if by_log else ()
         rows = [
-            *_thresholds(self.component, ""),
+            *threshold_rows(self.component, ""),
             *(
                 row
                 for member in self.group.members
                 if member is not self.component
-                for row in _thresholds(member, f" of {member.name}")
+                for row in threshold_rows(member, f" of {member.name}")
             ),
-            *self._measured(log, unplaced),
+            *self._log_rows(log, unplaced),
             *self._reservation(host, partition, wanted, log),
             *self._members(partition, previous),
             *self._sizes(partition, host, log),
@@ -280,52 +260,12 @@ class _Case:
         log = reservations.log(members, host)
         return log if isinstance(log, MeasuredTogether) else None
 
-    def _measured(self, log: MeasuredTogether | None, unplaced: str) -> Iterator[ExplainedValue]:
-        """Yield the data log, and its indexes at the least reserve (or the highest measured) and at one lower."""
-        if log is None:
-            if depends_on_a_log(self.group):
-                yield ExplainedValue("data log", "none", unplaced)
-            return
-        yield from _log_rows(self.system.loads_of(names_of(self.group.members)), log, is_used=not self.is_fixed)
-        if self.is_fixed:
-            return
-        least = log.least
-        at = least if least is not None else max(log.measured, default=0)
-        yield from self._indexes(log, at)
-        curves = [log.curves(member.name, index) for member in self.group.members for index in member.apt]
-        unclear = sorted({reserve for curve in curves for reserve in curve.inconclusive})
-        if least is not None and least > 1:
-            yield from self._indexes(log, least - 1)
-            if not self._falls_short(log, least - 1):
-                overloaded = {reserve for curve in curves for reserve in curve.overloaded}
-                yield ExplainedValue(_at(log, least - 1), _why_unknown(least - 1, overloaded, unclear), "data log")
-        if unclear:
-            values = ", ".join(f"{reserve} % of its VPs" for reserve in unclear)
-            yield ExplainedValue("no verdict at", values, "no steady state, or too few answers")
-        for remark in log.remarks:
-            yield ExplainedValue("remark", remark.detail, "data log")
-
-    def _falls_short(self, log: MeasuredTogether, reserve: int) -> bool:
-        """Whether a curve has a value there that is not shown to meet its threshold."""
-        pairs = (
-            (log.curves(member.name, index), apt) for member in self.group.members for index, apt in member.apt.items()
-        )
-        return any(curve.value_at(reserve) is not None and not holds(curve, apt, reserve) for curve, apt in pairs)
-
-    def _indexes(self, log: MeasuredTogether, reserve: int) -> Iterator[ExplainedValue]:
-        """Yield what the curves have there, those that end elsewhere left out."""
-        for member in self.group.members:
-            of = "" if member is self.component else f" of {member.name}"
-            for index, threshold in member.apt.items():
-                curve = log.curves(member.name, index)
-                point = curve.value_at(reserve)
-                if point is not None:
-                    estimate = curve.estimate_at(reserve)
-                    yield ExplainedValue(
-                        f"{index}{of} at {_at(log, reserve)}",
-                        _judged(index, threshold, curve, reserve),
-                        "between two measured settings" if estimate is None else counted(estimate.samples, "sample"),
-                    )
+    def _log_rows(self, log: MeasuredTogether | None, unplaced: str) -> Iterator[ExplainedValue]:
+        if log is not None:
+            loads = self.system.loads_of(names_of(self.group.members))
+            yield from log_rows(self.component, self.group, loads, log, is_used=not self.is_fixed)
+        elif depends_on_a_log(self.group):
+            yield ExplainedValue("data log", "none", unplaced)
 
     def _reservation(
         self,
@@ -450,58 +390,6 @@ class _Case:
         else:
             why = f"it has room; what is on {here.host} stays there, then names decide"
         return ExplainedValue(name, show_processors(there.reserved), why)
-
-
-def _log_rows(loads: Sequence[str], log: MeasuredTogether, *, is_used: bool) -> Iterator[ExplainedValue]:
-    times = sorted(recorded.provenance.when for recorded in log.records.recorded)
-    parts = [
-        counted(len(log.measured), "setting"),
-        *([" to ".join(dict.fromkeys((times[0], times[-1])))] if times else []),
-    ]
-    parts += [f"{log.others} more from other conditions"] if log.others else []
-    parts += [] if is_used else ["not used"]
-    yield ExplainedValue("data log", log.path, ", ".join(parts))
-    platform = log.records.header.platform_facts
-    smt = "with SMT" if platform.smt else "without SMT"
-    build = f", build {platform.os_build}" if platform.os_build else ""
-    yield ExplainedValue(
-        "measured on",
-        f"{platform.provider.value}, {show_processors(platform.logical_processors)} {smt}",
-        f"{platform.processor or 'no processor model'}, scheduler {platform.scheduler.value}{build}",
-    )
-    others = [load for load in loads if load != log.interference]
-    source = f"asks for most; {in_a_row(others)} for no more" if others else ""
-    yield ExplainedValue("load", log.interference, source)
-
-
-def _at(log: MeasuredTogether, reserve: int) -> str:
-    return share_of_processors(reserve, log.processors)
-
-
-def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str:
-    """`97 ms, at worst 98.3 ms: met`; `holds` and the curve's band decide, as for every reservation."""
-
-    def shown(value: float) -> str:
-        return show_value(index_named(index), value, threshold)
-
-    point, estimate = curve.value_at(reserve), curve.estimate_at(reserve)
-    assert point is not None, "who asks has looked"
-    seen = (estimate or point).value
-    met = holds(curve, threshold, reserve)
-    if index_named(index).is_extreme:
-        beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
-        return f"{shown(seen)} {beyond}: {'met so far' if met else 'missed'}"
-    worst = point.upper if isinstance(threshold, AtMost) else point.lower
-    missed = reserve <= highest_missed([(curve, threshold)])
-    return f"{shown(seen)}, at worst {shown(worst)}: {'met' if met else 'missed' if missed else 'not shown to be met'}"
-
-
-def _why_unknown(reserve: int, overloaded: Set[int], unclear: Sequence[int]) -> str:
-    if reserve in overloaded:
-        return "missed: it falls behind its jobs"
-    if reserve in unclear:
-        return "measured, without a verdict"
-    return "not measured; lower settings gave no verdict" if any(at < reserve for at in unclear) else "not measured"
 
 
 def _combined(previous: PreviousTuning, members: tuple[str, ...]) -> tuple[str, str] | None:

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations
@@ -10,11 +10,11 @@ from rarms_iac.app.decision_logs import describe_apt
 from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Command
+from rarms_iac.model.state import PartitionSettings
 from rarms_iac.model.system import Component, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
@@ -30,16 +30,11 @@ class GuideFacts:
 
     kind: Literal["guide"] = "guide"
     component: str
-    partition: str
     beside: tuple[str, ...]  # other components of the partition
     apt: tuple[str, ...]  # `mean_response_time at most 100 ms`
     platform: str
-    reserve: int  # whole per cent of each virtual processor
-    limit: int
-    weight: int
-    processors: int  # virtual
+    settings: PartitionSettings  # of the partition
     host_lp: int
-    memory_mib: int
     task: str | None
     task_values: tuple[str, ...]  # `Priority = 5 (DWORD)`
     command: str  # for a shell; empty: the manifest names no program
@@ -70,11 +65,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     for _, host in sorted(system.hosts.items()):
         partition = size(group, host, reservations)
         if isinstance(partition, PlacedPartition) and group.may_run_on(host.name):
-            facts = _facts(group, host, partition, reservations, system.components[name])
-            classes = classes_of(
-                group.members, system.tasks, group.name, manifest.places, processors=partition.settings.processors
-            ).classes
-            return replace(facts, task_values=_task_values(facts.task, classes))
+            return _facts(group, partition, reservations, manifest, system.components[name])
     planning = plan_layout(system, reservations, {}, manifest.places, explain=False)
     raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
 
@@ -90,27 +81,28 @@ def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str,
 
 
 def _facts(
-    group: Group, host: Host, partition: PlacedPartition, reservations: MeasuredReservations, component: Component
+    group: Group,
+    partition: PlacedPartition,
+    reservations: MeasuredReservations,
+    manifest: Manifest,
+    component: Component,
 ) -> GuideFacts:
-    log = reservations.log(group.members, host)
-    measured = depends_on_a_log(group) and isinstance(log, MeasuredTogether)
+    host = manifest.system.hosts[partition.host]
+    log = reservations.log(group.members, host) if depends_on_a_log(group) else None
+    tasks, processors = manifest.system.tasks, partition.settings.processors
+    classes = classes_of(group.members, tasks, group.name, manifest.places, processors=processors).classes
     return GuideFacts(
         component=component.name,
-        partition=group.name,
         beside=tuple(member.name for member in group.members if member.name != component.name),
         apt=tuple(f"{index} {words}" for index, words in describe_apt(component).items()),
         platform=host.platform,
-        reserve=partition.settings.reserve,
-        limit=partition.settings.limit,
-        weight=partition.settings.weight,
-        processors=partition.settings.processors,
+        settings=partition.settings,
         host_lp=host.logical_processors,
-        memory_mib=partition.settings.memory // 2**20,
         task=component.task,
-        task_values=(),
+        task_values=_task_values(component.task, classes),
         command=_command(component),
         depends_on=f"the least at which {log.path} meets that"
-        if measured and isinstance(log, MeasuredTogether)
+        if isinstance(log, MeasuredTogether)
         else "as the manifest fixes it",
         shortest_ms=_shortest(component),
     )

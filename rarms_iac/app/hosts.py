@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from rarms_iac.app.manifests import Manifest, load_manifest
-from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
+from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, refuse_unknown, today_utc
 from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.wiring import Snapshot, open_host, open_measuring_host, state_path
@@ -18,7 +18,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import natural_order, quoted, suggestion
+from rarms_iac.model.wording import natural_order
 from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost, RobotHost
 from rarms_iac.providers.measuring import MeasuringHost
@@ -172,12 +172,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     """
     system = manifest.system
     named = {snapshot.host for snapshot in selection.snapshots if snapshot.host}
-    for name in (*selection.hosts, *sorted(named)):
-        if name not in system.hosts:
-            raise RequestError(
-                f"The manifest has no host {quoted(name)}.{suggestion(name, tuple(system.hosts))} "
-                f"It has: {', '.join(sorted(system.hosts, key=natural_order)) or 'none'}."
-            )
+    refuse_unknown((*selection.hosts, *sorted(named)), system.hosts, "host")
     snapshots = read_snapshots(selection.snapshots, sorted(system.hosts), sorted(selection.hosts or system.hosts))
     lacking = [
         name

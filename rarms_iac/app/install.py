@@ -9,7 +9,7 @@ import json
 import tarfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, TypeVar
@@ -258,15 +258,16 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
     look = host.look()
     python = _python_of(host.name, look)
     build = build_name(python)
+    installation = HostInstallation(
+        host=host.name,
+        before=look.current,
+        version=__version__,
+        changed=False,
+        python=look.python,
+        machine=python.machine,
+    )
     if _is_done(look, build):
-        return HostInstallation(
-            host=host.name,
-            before=look.current,
-            version=__version__,
-            changed=False,
-            python=look.python,
-            machine=python.machine,
-        )
+        return installation
     has_build = look.versions.get(__version__) == build
     tell = control.reporter.message
     if not has_build:
@@ -286,13 +287,9 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
         },
         sent,
     )
-    return HostInstallation(
-        host=host.name,
-        before=look.current,
-        version=__version__,
+    return replace(
+        installation,
         changed=bool(sent or done.finished) or look.current != __version__ or not look.boots,
-        python=look.python,
-        machine=python.machine,
         boot=done.boot,
         sent_bytes=size,
         finished=done.finished,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, last_run, last_runs, observe_hosts, refuse_unfinished
 from rarms_iac.app.plan_files import plan_key
-from rarms_iac.app.requests import PlanLimits
+from rarms_iac.app.requests import PlanLimits, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest, findings_of_manifest
@@ -19,7 +19,7 @@ from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import in_a_row, quoted, suggestion
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.plan_file import signed
 
@@ -193,12 +193,7 @@ def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
     states, application = observe_hosts(hosts), hosts.system.application.name
     marks = [vm.mark for name in hosts.chosen for vm in states[name].of(application).partitions]
     present = sorted({mark.name for mark in marks if mark is not None})
-    for name in names:
-        if name not in present:
-            raise RequestError(
-                f"{application} has no partition {quoted(name)} on {in_a_row(hosts.chosen)}."
-                f"{suggestion(name, present)} It has: {', '.join(present) or 'none'}."
-            )
+    refuse_unknown(names, present, "partition", f"On {in_a_row(hosts.chosen)}, {application}")
 
 
 def outcome_of(findings: Sequence[Diagnostic]) -> Outcome:

@@ -85,9 +85,9 @@ def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentPro
     """
     held: dict[tuple[str, str], bool] = {}
     for proof in proofs:
-        if proof.interference is not None or not proof.met:
-            key = (proof.component, proof.index.name)
-            held[key] = held.get(key, True) and proof.met and not proof.outdated
+        if proof.entry.interference is not None or not proof.proven.met:
+            key = (proof.entry.component, proof.index.name)
+            held[key] = held.get(key, True) and proof.proven.met and not proof.outdated
     return tuple(finding for finding in findings if not _is_proven(finding, held))
 
 
@@ -202,7 +202,7 @@ def _proofs(manifest: Manifest, components: Sequence[str], reservations: Reserva
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:
                     changed = (*_threshold_since(entry, index, system), *layout)
-                    yield _proof(entry, index, changed)
+                    yield ComponentProof(entry=entry, proven=index, outdated=changed)
 
 
 def _standing(entries: Sequence[Proven]) -> list[Proven]:
@@ -250,30 +250,6 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
         yield f"its partition reserves {show_reserve(partition.settings.reserve, partition.settings.processors)} now"
 
 
-def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> ComponentProof:
-    return ComponentProof(
-        component=entry.component,
-        index=index_named(proven.index),
-        threshold=proven.threshold,
-        value=proven.value,
-        lower=proven.lower,
-        upper=proven.upper,
-        met=proven.met,
-        verdict=proven.verdict,
-        error=proven.error,
-        when=entry.when,
-        host=entry.host,
-        reserve=entry.reserve,
-        interference=entry.interference,
-        samples_needed=proven.samples_needed,
-        outdated=outdated,
-        partition=entry.partition,
-        layout=entry.layout,
-        machine=entry.machine,
-        serial=entry.serial,
-    )
-
-
 _Looked = tuple[tuple[ComparedHost, ...], tuple[Diagnostic, ...]]
 
 
@@ -313,39 +289,44 @@ def compared_with_hosts(proofs: Sequence[ComponentProof], hosts: Sequence[Compar
     """
     by_name = {host.name: host for host in hosts}
     machines = {host.name: host.seen.facts.id for host in hosts if host.seen.facts.id}
-    own = (proof for proof in proofs if not proof.machine or machines.get(proof.host) in {None, proof.machine})
+    own = (
+        proof
+        for proof in proofs
+        if not proof.entry.machine or machines.get(proof.entry.host) in {None, proof.entry.machine}
+    )
     return tuple(
-        replace(proof, outdated=(*proof.outdated, *_changes_since(proof, by_name[proof.host])))
-        if proof.host in by_name
+        replace(proof, outdated=(*proof.outdated, *_changes_since(proof, by_name[proof.entry.host])))
+        if proof.entry.host in by_name
         else proof
         for proof in own
     )
 
 
 def _changes_since(proof: ComponentProof, host: ComparedHost) -> Iterator[str]:
-    if undone_at := host.undone_at(proof.serial):
+    if undone_at := host.undone_at(proof.entry.serial):
         yield f"its layout on {host.name} was undone at {undone_at}"
         return
     foreign = f"was changed on {host.name} by another tool after {host.last_run_at}"
     if host.own_runs and host.own_runs[-1].run is RunKind.UNDO:  # it may have set again what another tool had set
         foreign = f"was changed on {host.name} by the undo at {host.last_run_at} or by another tool after it"
-    if proof.partition in host.changed_partitions:
+    if proof.entry.partition in host.changed_partitions:
         yield f"its partition {foreign}"
     differences = _differences(proof, host)
-    neighbours = [text for name, text in differences.items() if name in host.changed_partitions - {proof.partition}]
+    others = host.changed_partitions - {proof.entry.partition}
+    neighbours = [text for name, text in differences.items() if name in others]
     by_runs = [text for name, text in differences.items() if name not in host.changed_partitions]
     if neighbours:
         yield f"its layout {foreign}: {in_a_row(neighbours)}"
     if by_runs:
-        when = f" at {host.last_run_at}" if host.serial > proof.serial else ""
+        when = f" at {host.last_run_at}" if host.serial > proof.entry.serial else ""
         yield f"its layout on {host.name} was changed{when}: {in_a_row(by_runs)}"
 
 
 def _differences(proof: ComponentProof, host: ComparedHost) -> Mapping[str, str]:
     """By partition of then and now: how its reservation differs."""
-    own = {proof.partition: proof.reserve} if proof.partition else {}
-    then, now = proof.layout or own, host.reserves
-    compared = {*then, *now} if proof.layout else {*then}
+    own = {proof.entry.partition: proof.entry.reserve} if proof.entry.partition else {}
+    then, now = proof.entry.layout or own, host.reserves
+    compared = {*then, *now} if proof.entry.layout else {*then}
     return {
         name: _difference(name, then.get(name), now.get(name))
         for name in sorted(compared, key=natural_order)

@@ -12,7 +12,7 @@ from typing import Literal
 from rarms_iac.app.drift import ComparedHost
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.indexes import PerformanceIndex, index_named
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict, VerdictWord
 from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import guaranteed
@@ -20,7 +20,7 @@ from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import Curve, least_reserve
-from rarms_iac.storage.datalog.decisions import TuningRun
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, TuningRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,27 +188,16 @@ class PlatformCapacity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentProof:
-    """What a component showed in the applied layout."""
+    """What a component showed of an index in the applied layout."""
 
-    component: str
-    index: PerformanceIndex
-    threshold: Threshold  # as it was then
-    value: float | None
-    lower: float | None  # None: the samples say nothing about this side
-    upper: float | None
-    met: bool
-    verdict: VerdictWord
-    error: float | None  # that the verdict is wrong; None: there is none
-    when: str  # in UTC, as RFC 3339 has it
-    host: str
-    reserve: int  # of its partition, in per cent
-    interference: str | None  # the load beside all of them; None: there was none
-    samples_needed: int | None  # that would show it, where it is not shown yet; None: nothing tells
-    outdated: tuple[str, ...]  # what is no longer as it was when this was proven
-    partition: Internal[str] = ""  # of the component; empty: it runs on the host itself
-    layout: Internal[Mapping[str, int]] = field(default_factory=dict)  # as of `Proven`
-    machine: Internal[str] = ""  # the identity of the host that it was made on; empty: not known
-    serial: Internal[int] = 0  # of `Proven`
+    entry: Proven
+    proven: ProvenIndex  # one of the entry's
+    outdated: tuple[str, ...] = ()  # what is no longer as it was when this was proven
+
+    @property
+    def index(self) -> PerformanceIndex:
+        """The performance index."""
+        return index_named(self.proven.index)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@
 the dataclass's own. Readers of values raise ValueError with a sentence for people.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import MISSING, dataclass, field
 from datetime import UTC, date, datetime
 from functools import partial
@@ -365,8 +365,8 @@ class PlanRunOptions(RunOptions):
     out: str | None = option("--out", metavar="FILE", help="Only write the plan file, for `rarms apply FILE`.")
 
 
-def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: str) -> None:
-    """Refuse names that are not in the manifest.
+def refuse_unknown(names: Sequence[str], existing: Collection[str], kind: str, whose: str = "The manifest") -> None:
+    """Refuse names that are not there.
 
     Args:
         existing: What the manifest has of that kind, by name.
@@ -378,6 +378,6 @@ def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: s
     for name in names:
         if name not in existing:
             raise RequestError(
-                f"The manifest has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
+                f"{whose} has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
                 f"It has: {', '.join(sorted(existing, key=natural_order)) or 'none'}."
             )

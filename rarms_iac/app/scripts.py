@@ -8,6 +8,7 @@ from typing import Literal
 
 from rarms_iac.app.files import make_folder, read_input_file, write_file
 from rarms_iac.app.plan_files import plan_in, plan_key
+from rarms_iac.app.requests import refuse_unknown
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import command
 from rarms_iac.model.diagnostics import Diagnostic
@@ -85,11 +86,7 @@ def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, pl
         RequestError: the plan has no such host or guest.
     """
     names = [part.host.name for part in plan.hosts]
-    for host in selection.hosts:
-        if host not in names:
-            raise RequestError(
-                f"The plan has no host {quoted(host)}.{suggestion(host, names)} It has: {', '.join(names)}."
-            )
+    refuse_unknown(selection.hosts, names, "host", "The plan")
     here = [script for script in scripts if script.host in (selection.hosts or names)]
     guests = sorted({script.guest for script in here if script.guest})
     guest = selection.guest

@@ -11,7 +11,7 @@ from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.declared_hosts import states_at_hand
 from rarms_iac.app.manifest_files import FileEdit, edit_levels, write_edits
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.requests import argument, flag, option
+from rarms_iac.app.requests import argument, flag, option, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -273,9 +273,8 @@ def write_levels(proposal: LevelProposal) -> None:
 
 
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
-    component = system.components.get(name)
-    if component is None:
-        raise RequestError(f"The manifest has no component {quoted(name)}.{suggestion(name, tuple(system.components))}")
+    refuse_unknown([name], system.components, "component")
+    component = system.components[name]
     if index is not None:
         known_index = find_index(index)
         if known_index is None:

@@ -72,31 +72,11 @@ class HostOverview:
 
     name: str
     compared: Internal[ComparedHost | None] = None  # None: it could not be looked at
-    totals: Internal[HostTotals | None] = None  # None as above
+    totals: HostTotals | None = None  # None as above
     partitions: tuple[PartitionStatus, ...] = ()  # by name
     unrecorded: tuple[str, ...] = ()  # as of `History`
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
     held_by: str = ""  # who runs something on it now, as `hosts.owner` names them; empty: no run that can be seen
-
-    @output
-    def reserved_lp(self) -> Fraction:
-        """What the application's partitions are guaranteed, in LPs."""
-        return self.totals.reserved_lp if self.totals else Fraction(0)
-
-    @output
-    def capacity_lp(self) -> Fraction:
-        """LPs that the application's partitions may be promised: without what is kept and what others reserve."""
-        return self.totals.capacity_lp if self.totals else Fraction(0)
-
-    @output
-    def unmanaged_lp(self) -> Fraction:
-        """LPs that machines of others reserve."""
-        return self.totals.unmanaged_lp if self.totals else Fraction(0)
-
-    @output
-    def free_lp(self) -> Fraction:
-        """LPs that are not promised."""
-        return self.totals.free_lp if self.totals else Fraction(0)
 
     @output
     def test_partitions(self) -> tuple[TestPartitionStatus, ...]:
@@ -363,20 +343,21 @@ def _next_proof_command(
         for index in component.apt
         for load in system.policy.interference
     }
-    missed = {proof.component for proof in proofs if not proof.met and not proof.samples_needed}
+    missed = {proof.entry.component for proof in proofs if not proof.proven.met and not proof.proven.samples_needed}
     if missed := missed & {name for name, _, _ in asked}:
         again = command("measure", *sorted(missed), again=True, stop_partitions=True)
         return NextCommand(command=again, reason="finds what would be enough for what missed its threshold")
     stopped = sorted({partition.name for partition in partitions if partition.is_stopped}, key=natural_order)
     if stopped:
         return NextCommand(command=command("start", *stopped), reason="starts what was stopped")
-    if asked <= {(proof.component, proof.index.name, proof.interference) for proof in proofs if proof.met}:
+    held = [proof for proof in proofs if proof.proven.met]
+    if asked <= {(proof.entry.component, proof.index.name, proof.entry.interference) for proof in held}:
         return None
     off = sorted((partition.name for partition in partitions if not partition.running), key=natural_order)
     if off:
         reason = "starts what does not run, so that thresholds can be proven"
         return NextCommand(command=command("start", *off), reason=reason)
-    samples = max((proof.samples_needed or 0 for proof in proofs if not proof.met), default=0)
+    samples = max((proof.proven.samples_needed or 0 for proof in proofs if not proof.proven.met), default=0)
     if samples:
         reason = "runs all components together again, with as many samples as may tell"
         return NextCommand(command=command("prove", samples=samples), reason=reason)

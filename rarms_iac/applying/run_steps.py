@@ -173,12 +173,15 @@ def failed_run(error: HostError) -> RunReport:
     return RunReport(ending=RunEnding.FAILED, findings=(refusals.host_failed(error),))
 
 
-def combined_report(reports: "list[RunReport]") -> RunReport:
-    """One report of several hosts: it ended as its last host did."""
-    if not reports:
-        return RunReport(ending=RunEnding.NOTHING)
-    return replace(
-        reports[-1],
+GRAVEST_FIRST = (RunEnding.FAILED, RunEnding.REFUSED, RunEnding.INTERRUPTED, RunEnding.DONE)
+
+
+def combined_report(reports: Iterable[RunReport]) -> RunReport:
+    """Make one report of several hosts', in order: it ended as the gravest of them."""
+    reports = tuple(reports)
+    endings = {report.ending for report in reports}
+    return RunReport(
+        ending=next((ending for ending in GRAVEST_FIRST if ending in endings), RunEnding.NOTHING),
         hosts=tuple(host for report in reports for host in report.hosts),
         findings=tuple(problem for report in reports for problem in report.findings),
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.applying import apply, combine_reports, finish_runs
+from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.plan_files import plan_key, write_plan_file
@@ -16,6 +16,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError, d
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.refusals import UNFINISHED
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.applying.run_steps import combined_report
 from rarms_iac.cli.command import overlay_words
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
@@ -178,7 +179,7 @@ def report_end(
         following: the next command after a run that is done.
     """
     tell(session.terminal, [finding for finding in report.findings if finding not in shown])
-    whole = combine_reports([*before, report])
+    whole = combined_report([*before, report])
     if session.as_json and not (session.answer_follows and whole.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(json_of(whole, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):

@@ -12,15 +12,7 @@ from typing import Annotated, ClassVar, Literal, assert_never
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rarms_iac.app.applying import (
-    apply,
-    changed_manifest,
-    finish_runs,
-    last_applies,
-    preview,
-    refuse_contradiction,
-    undo_applies,
-)
+from rarms_iac.app.applying import apply, changed_manifest, finish_runs, refuse_contradiction
 from rarms_iac.app.control import Control, StopSignal, always_consents, never_consents
 from rarms_iac.app.hosts import Hosts, last_runs, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -28,6 +20,7 @@ from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import SILENCE_MS, HostSelection, ManifestSource, today_utc
 from rarms_iac.app.scripts import ScriptSince, scripts_since
+from rarms_iac.app.undoing import last_applies, preview, undo_applies
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.measuring.measure import measure_components

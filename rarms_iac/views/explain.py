@@ -42,7 +42,7 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     yield ""
     yield (
         f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}. "
-        f"Its partition {facts.partition} gets {show_reserve(facts.reserve, facts.processors)}, "
+        f"Its partition {facts.settings.name} gets {show_reserve(facts.settings.reserve, facts.settings.processors)}, "
         f"{facts.depends_on}."
     )
     if facts.beside:
@@ -55,7 +55,7 @@ def _head(facts: GuideFacts) -> Iterator[str]:
 
 
 def _hyperv(facts: GuideFacts) -> Iterator[str]:
-    name = facts.partition
+    name = facts.settings.name
     yield "## Hyper-V"
     yield ""
     yield (
@@ -64,12 +64,12 @@ def _hyperv(facts: GuideFacts) -> Iterator[str]:
     )
     yield f"2. Stop the machine: `Hyper-V\\Stop-VM -Name '{name}'`. Its processors change only while it is off."
     yield (
-        f"3. Set processors and memory: `Hyper-V\\Set-VM -Name '{name}' -ProcessorCount {facts.processors} "
-        f"-StaticMemory -MemoryStartupBytes {facts.memory_mib}MB`."
+        f"3. Set processors and memory: `Hyper-V\\Set-VM -Name '{name}' -ProcessorCount {facts.settings.processors} "
+        f"-StaticMemory -MemoryStartupBytes {facts.settings.memory // 2**20}MB`."
     )
     yield (
-        f"4. Set the reservation: `Hyper-V\\Set-VMProcessor -VMName '{name}' -Reserve {facts.reserve} "
-        f"-Maximum {facts.limit} -RelativeWeight {facts.weight}`."
+        f"4. Set the reservation: `Hyper-V\\Set-VMProcessor -VMName '{name}' -Reserve {facts.settings.reserve} "
+        f"-Maximum {facts.settings.limit} -RelativeWeight {facts.settings.weight}`."
     )
     yield (
         f"5. Start it: `Hyper-V\\Start-VM -Name '{name}'`. Over-commitment shows only here: a start that fails for "
@@ -103,23 +103,23 @@ def _mmcss(facts: GuideFacts) -> Iterator[str]:
 
 
 def _linux(facts: GuideFacts) -> Iterator[str]:
-    share = facts.reserve * facts.processors
-    group = f"/sys/fs/cgroup/rarms.slice/{facts.partition}"
+    share = facts.settings.reserve * facts.settings.processors
+    group = f"/sys/fs/cgroup/rarms.slice/{facts.settings.name}"
     yield "## Linux (control groups, version 2)"
     yield ""
     yield (
         f"1. Make the group: `mkdir -p {group}`, with `cpu`, `cpuset` and `memory` in the parents' "
         "`cgroup.subtree_control`."
     )
-    yield f"2. Memory: `echo {facts.memory_mib}M > {group}/memory.max`."
+    yield f"2. Memory: `echo {facts.settings.memory // 2**20}M > {group}/memory.max`."
     yield (
         f"3. A reservation is a share under load: among all groups that compete, give this one {share} of "
         f"{100 * facts.host_lp} parts: `echo {max(1, share)} > {group}/cpu.weight`, each other likewise."
     )
-    if facts.limit < 100:
+    if facts.settings.limit < 100:
         period = _period_us(facts.shortest_ms)
-        quota = period * facts.limit * facts.processors // 100
-        limit = show_reserve(facts.limit, facts.processors)
+        quota = period * facts.settings.limit * facts.settings.processors // 100
+        limit = show_reserve(facts.settings.limit, facts.settings.processors)
         yield (
             f"4. The limit of {limit}: `echo '{quota} {period}' > {group}/cpu.max`. The period is a tenth of "
             "the shortest response time that is allowed: with a longer one, response times come in steps."

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rarms_iac.app.applying import UndoPreview
+from rarms_iac.app.undoing import UndoPreview
 from rarms_iac.applying.refusals import GO_ON, UNDO_PARTIAL
 from rarms_iac.applying.run_report import (
     HostReport,

@@ -170,9 +170,9 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
     """`3 of 4 thresholds held ... beside busy-loop, proven at ...`, and a line for each that does not hold."""
     sentences: list[str] = []
-    for load in dict.fromkeys(proof.interference for proof in proofs):
-        of_load = [proof for proof in proofs if proof.interference == load]
-        holding = [proof for proof in of_load if proof.met and not proof.outdated]
+    for load in dict.fromkeys(proof.entry.interference for proof in proofs):
+        of_load = [proof for proof in proofs if proof.entry.interference == load]
+        holding = [proof for proof in of_load if proof.proven.met and not proof.outdated]
         times = sorted({proof_time(proof) for proof in holding})
         when = f", proven at {times[0]}" if times else ""
         when = f", the first proven at {times[0]}, the last at {times[-1]}" if len(times) > 1 else when
@@ -180,13 +180,13 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
         sentences.append(f"{thresholds} held together with all other components beside {load or 'no load'}{when}.")
     for proof in proofs:
         if proof.outdated:
-            sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")
-        elif not proof.met:
-            threshold = show_threshold(proof.index, proof.threshold)
-            verdict = describe_verdict(proof.index, proof.verdict)
-            needed = f", {proof.samples_needed} samples may tell" if proof.samples_needed else ""
+            sentences.append(f"{proof.entry.component} is outdated: {'; '.join(proof.outdated)}.")
+        elif not proof.proven.met:
+            threshold = show_threshold(proof.index, proof.proven.threshold)
+            verdict = describe_verdict(proof.index, proof.proven.verdict)
+            needed = f", {proof.proven.samples_needed} samples may tell" if proof.proven.samples_needed else ""
             setting = describe_proof_setting(proof)
-            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
+            sentences.append(f"{proof.entry.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
     return list(dict.fromkeys(sentences))
 
 

@@ -129,13 +129,13 @@ def _verdict(verdict: IndexVerdict) -> str:
 
 def describe_proof_setting(proof: ComponentProof) -> str:
     """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs beside busy-loop`: when and under what it ran."""
-    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof_time(proof)}, on {proof.host} with {proof.reserve} % of its VPs {with_load}"
+    with_load = f"beside {proof.entry.interference}" if proof.entry.interference else "beside no load"
+    return f"{proof_time(proof)}, on {proof.entry.host} with {proof.entry.reserve} % of its VPs {with_load}"
 
 
 def proof_time(proof: ComponentProof) -> str:
     """Return when it was proven, to the second, as all times are shown: `2026-02-01 12:00:00 UTC`."""
-    return f"{proof.when[:10]} {proof.when[11:19]} UTC"
+    return f"{proof.entry.when[:10]} {proof.entry.when[11:19]} UTC"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:

@@ -255,7 +255,7 @@ def test_session_from_empty_folder_to_proven_plan(browser: "WebDriver", tmp_path
         keeps(browser, "proven")
         assert served.closes() == 0
     status = json.loads(rarms(folder, "status", "--json"))
-    assert {proof["met"] for proof in status["proofs"]} == {True}
+    assert {proof["proven"]["met"] for proof in status["proofs"]} == {True}
     assert messages_of_errors(browser) == []
 
 
@@ -325,7 +325,7 @@ def test_a_session_by_keys_alone(browser: "WebDriver", tmp_path: Path) -> None:
         presses(Keys.ENTER)
         assert "response times at a reserve of" in shown(browser, "m1-1-samples")
     status = json.loads(rarms(tmp_path, "status", "--json"))
-    assert {proof["met"] for proof in status["proofs"]} == {True}
+    assert {proof["proven"]["met"] for proof in status["proofs"]} == {True}
 
 
 def test_setting_samples_and_script_difference_are_shown(browser: "WebDriver", robot: Path) -> None:

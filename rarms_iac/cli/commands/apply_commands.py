@@ -6,20 +6,7 @@ from dataclasses import dataclass, replace
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.applying import (
-    LastApply,
-    abandon_runs,
-    can_keep,
-    changed_manifest,
-    combine_reports,
-    hosts_to_apply,
-    last_applies,
-    manifest_of,
-    preview,
-    refuse_contradiction,
-    refuse_keeping,
-    undo_applies,
-)
+from rarms_iac.app.applying import abandon_runs, changed_manifest, hosts_to_apply, manifest_of, refuse_contradiction
 from rarms_iac.app.control import Control
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import Hosts, select_hosts
@@ -37,8 +24,10 @@ from rarms_iac.app.requests import (
     flag,
     load_host_option,
 )
+from rarms_iac.app.undoing import LastApply, can_keep, last_applies, preview, refuse_keeping, undo_applies
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.applying.run_steps import combined_report
 from rarms_iac.cli.applying import apply_and_show, ask, finish_first, plan_ask_apply, report_end
 from rarms_iac.cli.command import name_manifest, rarms_command
 from rarms_iac.cli.ending import ExitCode
@@ -135,7 +124,7 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> E
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
             session.terminal.tell(f"{name}: the unfinished run is closed, and the host stays as it is.")
-    return report_end(session, combine_reports(list(reports.values())))
+    return report_end(session, combined_report(reports.values()))
 
 
 def _is_named() -> bool:

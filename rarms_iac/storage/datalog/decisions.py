@@ -69,7 +69,7 @@ class Proven:
     partition: str
     reserve: int
     beside: tuple[str, ...]  # the components that ran meanwhile, by name
-    indexes: tuple[ProvenIndex, ...]
+    indexes: Internal[tuple[ProvenIndex, ...]]
     interference: str | None = None  # the load beside all of them; None: there was none
     robot: str = ""  # of `Application`
     machine: str = ""  # the host's own identity (`HostFacts.id`): robots share names; empty: not known

@@ -256,17 +256,18 @@ def proofs_table(report: Report) -> Table:
 
 
 def _proof(proof: ComponentProof) -> Row:
-    index, verdict = proof.index, describe_verdict(proof.index, proof.verdict)
-    lower, upper = proof.lower, proof.upper
+    index, proven = proof.index, proof.proven
+    verdict = describe_verdict(index, proven.verdict)
+    value, lower, upper = proven.value, proven.lower, proven.upper
     return (
-        proof.component,
-        short_bound(index, proof.threshold),
-        proof.host,
-        proof.interference or "no load",
-        "cannot be told" if proof.value is None else show_value(index, proof.value, proof.threshold),
-        "" if proof.value is None or lower is None or upper is None else show_range(index, lower, upper),
-        Cell(text=verdict + (" (outdated)" if proof.outdated else ""), missed=not proof.met),
-        f"{proof_time(proof)}, {proof.reserve} % of its VPs"
+        proof.entry.component,
+        short_bound(index, proven.threshold),
+        proof.entry.host,
+        proof.entry.interference or "no load",
+        "cannot be told" if value is None else show_value(index, value, proven.threshold),
+        "" if value is None or lower is None or upper is None else show_range(index, lower, upper),
+        Cell(text=verdict + (" (outdated)" if proof.outdated else ""), missed=not proven.met),
+        f"{proof_time(proof)}, {proof.entry.reserve} % of its VPs"
         + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else ""),
     )
 

@@ -287,7 +287,8 @@ def test_fixed_reserve_and_limit_have_guide_too(here: Path) -> None:
     facts = rarms("explain", "vision", "--guide", "--json", "-f", str(here)).out
 
     check(facts)
-    assert (json.loads(facts)["reserve"], json.loads(facts)["limit"]) == (40, 50)
+    given = json.loads(facts)["settings"]
+    assert (given["reserve"], given["limit"]) == (40, 50)
     assert "as the manifest fixes it" in answer.out
     assert "echo '10000 10000'" in answer.out, "half of two processors in each period of a tenth of 100 ms"
     assert "nothing is to be set" in answer.out

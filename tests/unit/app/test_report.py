@@ -17,7 +17,6 @@ from rarms_iac.app.report import not_yet_proven
 from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource, today_utc
-from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
@@ -34,7 +33,7 @@ from rarms_iac.views.reports.tables import levels_table, totals_table
 from rarms_iac.views.status import fit_text
 from rarms_iac.views.table import show_cell
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
-from tests.builders_measured import HELD, PROOF, PROVEN, TAKEN, a_bench, a_log, a_series, a_setting, a_subject
+from tests.builders_measured import HELD, PROVEN, TAKEN, a_bench, a_log, a_proof, a_series, a_setting, a_subject
 from tests.robots import a_log_of, a_measured_setting, a_robot, face_detection, path_planning, report_of_logs, the_logs
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -57,7 +56,7 @@ interference:
 """
 
 
-def a_proof(seen: ProvenIndex, **changes: object) -> Proven:
+def an_entry(seen: ProvenIndex, **changes: object) -> Proven:
     return replace(PROVEN, indexes=(seen,), **changes)  # type: ignore[arg-type]  # fields, said by tests
 
 
@@ -214,8 +213,8 @@ def test_the_page_has_findings_as_fields(robot: Path) -> None:
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
-    append_to_log(path, a_proof(replace(HELD, value=98.7)))
-    append_to_log(path, a_proof(replace(HELD, value=113.0, lower=None, upper=None, met=False, verdict="missed")))
+    append_to_log(path, an_entry(replace(HELD, value=98.7)))
+    append_to_log(path, an_entry(replace(HELD, value=113.0, lower=None, upper=None, met=False, verdict="missed")))
 
     page = rarms("report", "-f", str(robot), "-o", "-").out
 
@@ -226,14 +225,14 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
 
 def test_proof_says_what_changed_since(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
-    append_to_log(path, a_proof(replace(HELD, threshold=at_most(120))))
+    append_to_log(path, an_entry(replace(HELD, threshold=at_most(120))))
 
     page, text = (rarms("report", "-f", str(robot), *words).out for words in (["-o", "-"], ["--text"]))
 
     assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
     assert "met (outdated)" in " ".join(text.split())
     now = int(page.partition("its partition reserves ")[2].partition("(")[2].partition(" ")[0])
-    append_to_log(path, a_proof(HELD, beside=(), reserve=now))
+    append_to_log(path, an_entry(HELD, beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out
 
 
@@ -249,9 +248,7 @@ def test_proof_says_what_changed_since(robot: Path) -> None:
 )
 def test_neighbour_note_goes_where_proof_held(proof: bool, changes: dict[str, Any], stays: bool) -> None:
     note = ON_NEIGHBOURS.at(None, "It depends.", "Prove it.", component="vision", indexes=("p99_response_time",))
-    proven = replace(PROOF, index=index_named("p99_response_time"))
-
-    found = not_yet_proven([note], [replace(proven, **changes)] if proof else [])
+    found = not_yet_proven([note], [a_proof(index="p99_response_time", **changes)] if proof else [])
 
     assert found == ((note,) if stays else ())
 

@@ -12,10 +12,10 @@ from rarms_iac.model.journal import Closing, PastRun, RunKind
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from tests.builders import a_host
-from tests.builders_measured import PROOF
+from tests.builders_measured import a_proof
 from tests.builders_plan import facts, partition, settings
 
-PROVEN = replace(PROOF, partition="vision", reserve=60, layout={"vision": 60, "speech": 20}, serial=1, machine="one")
+PROVEN = a_proof(partition="vision", reserve=60, layout={"vision": 60, "speech": 20}, serial=1, machine="one")
 
 
 def run(kind: RunKind, plan: str, hour: int) -> PastRun:
@@ -91,5 +91,5 @@ def test_changed_or_undone_layout_is_told_with_time(host: ComparedHost, outdated
 
 
 def test_a_proof_of_another_machine_says_nothing_here() -> None:
-    assert compared_with_hosts([replace(PROVEN, machine="two")], [now()]) == ()
+    assert compared_with_hosts([a_proof(machine="two")], [now()]) == ()
     assert compared_with_hosts([PROVEN], []) == (PROVEN,)

@@ -2,7 +2,6 @@
 
 import json
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from rarms_iac.planner.infeasibility import causes
 from rarms_iac.storage import disk
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
-from tests.builders_measured import PROOF
+from tests.builders_measured import a_proof
 from tests.crashing import Crash, CrashingDisk
 from tests.unit.cli.running import rarms
 
@@ -117,7 +116,7 @@ def test_status_for_programs_has_partitions_with_their_components() -> None:
 
     (host,) = json.loads(rarms("status", "--json").out)["hosts"]
 
-    assert (host["name"], host["capacity_lp"], host["reserved_lp"]) == ("onboard", 1.8, 1.2)
+    assert (host["name"], host["totals"]["capacity_lp"], host["totals"]["reserved_lp"]) == ("onboard", 1.8, 1.2)
     assert [(part["name"], part["components"], part["reserve"], part["drift"]) for part in host["partitions"]] == [
         ("speech", ["speech"], 20, None),
         ("vision", ["vision"], 40, None),
@@ -232,7 +231,7 @@ def test_missing_partition_cannot_be_simulated() -> None:
     answer = rarms("simulate", "change", "nobody", "--off")
 
     assert answer.code == 64
-    assert 'robot has no partition "nobody" on onboard.' in answer.err
+    assert 'On onboard, robot has no partition "nobody".' in answer.err
 
 
 def test_real_host_is_not_simulated() -> None:
@@ -247,7 +246,7 @@ def test_real_host_is_not_simulated() -> None:
 
 def test_the_status_says_when_thresholds_were_proven_last() -> None:
     proofs = [
-        replace(PROOF, component=name, met=met, verdict="met" if met else "missed", upper=None, reserve=40, when=when)
+        a_proof(component=name, met=met, verdict="met" if met else "missed", upper=None, reserve=40, when=when)
         for name, met, when in (
             ("vision", True, "2026-01-31T12:00:00Z"),
             ("speech", True, "2026-02-01T12:00:00Z"),
@@ -305,7 +304,9 @@ def test_too_few_samples_recommend_enough() -> None:
 
     (proof,) = json.loads(rarms("status", "--json").out)["proofs"]
 
-    assert f"Next: `rarms prove --samples {proof['samples_needed']}` runs all" in " ".join(rarms("status").out.split())
+    assert f"Next: `rarms prove --samples {proof['proven']['samples_needed']}` runs all" in " ".join(
+        rarms("status").out.split()
+    )
 
 
 def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
@@ -324,7 +325,7 @@ def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
         ("rarms-p1", "robot"),
         ("rarms-p2", "robot"),
     ]
-    assert (host["partitions"], host["reserved_lp"], host["free_lp"]) == ([], 0, 1.8)
+    assert (host["partitions"], host["totals"]["reserved_lp"], host["totals"]["free_lp"]) == ([], 0, 1.8)
     text = rarms("status").out
     assert "test partition, not counted below" in " ".join(text.split())
     assert "Next: `rarms start`" in text

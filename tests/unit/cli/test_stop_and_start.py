@@ -134,7 +134,7 @@ def test_a_name_that_no_host_has_is_refused() -> None:
     refused = rarms("stop", "visoin", "--auto-approve")
 
     assert refused.code == 64
-    assert 'robot has no partition "visoin" on onboard. Did you mean "vision"?' in refused.err
+    assert 'On onboard, robot has no partition "visoin". Did you mean "vision"?' in refused.err
     assert running() == ["speech", "vision"]
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from rarms_iac.app.applying import UndoPreview
 from rarms_iac.app.drift import ComparedHost, DriftReport
 from rarms_iac.app.graph import LayoutGraph
 from rarms_iac.app.status import History
+from rarms_iac.app.undoing import UndoPreview
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport
 from rarms_iac.applying.undo import UndoneStep

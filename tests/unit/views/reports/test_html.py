@@ -26,7 +26,7 @@ from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.scale import Scale, round_down, scale_of
 from rarms_iac.views.reports.tables import MOST_CANDIDATES, ranked_candidates
 from tests.builders import a_run
-from tests.builders_measured import PROOF, a_series, a_setting
+from tests.builders_measured import a_proof, a_series, a_setting
 from tests.robots import a_robot, report_of_logs, the_logs
 
 SYSTEM = a_robot()
@@ -135,7 +135,7 @@ def test_page_of_sixty_components_is_smaller_than_megabyte() -> None:
 
 
 def test_proofs_are_a_table_of_their_own() -> None:
-    missed = replace(PROOF, value=113.4, lower=112.0, upper=114.8, met=False, verdict="missed")
+    missed = a_proof(value=113.4, lower=112.0, upper=114.8, met=False, verdict="missed")
 
     page = as_html(replace(REPORT, proofs=(missed,))).decode()
 

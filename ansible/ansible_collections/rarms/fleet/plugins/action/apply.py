@@ -19,13 +19,14 @@ from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
 )
 
 if not RARMS_MISSING:
-    from rarms_iac.app.applying import abandon_runs, apply, finish_runs, last_applies, undo_applies
+    from rarms_iac.app.applying import abandon_runs, apply, finish_runs
     from rarms_iac.app.files import make_folder
     from rarms_iac.app.hosts import refuse_unfinished, unfinished_runs
     from rarms_iac.app.plan_files import read_plan_file, write_plan_file
     from rarms_iac.app.planning import plan as make_plan
     from rarms_iac.app.planning import plan_request
     from rarms_iac.app.requests import PlanLimits, read_time
+    from rarms_iac.app.undoing import last_applies, undo_applies
     from rarms_iac.app.use_case_errors import RequestError, UseCaseError
     from rarms_iac.applying.run_report import RunEnding, RunReport
     from rarms_iac.model.plan import Plan, Purpose
