@@ -20,7 +20,7 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.planner.reservations import MeasuredReservations, names_of
 from rarms_iac.planner.totals import planned_totals
-from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, explained, without_log
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, not_measured, without_log
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
 from tests.files import copy_files
@@ -119,8 +119,7 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
         if (logged.log.header.platform, setup.members, setup.interference) != (platform, names, load):
             continue
         if logged.stale:
-            why = explained(STALE, names, platform, "It is stale.", "Measure again.")
-            return NotMeasured(components=names, interference=load, why=why)
+            return not_measured(STALE, names, platform, "It is stale.", "Measure again.", load=load)
         return MeasuredTogether(
             path=logged.path,
             interference=load,
@@ -129,7 +128,7 @@ def _log(system: System, logs: Sequence[ReportedLog], platform: str, names: tupl
             curves=curves_in(logged.log, system.components),
             records=logged.log,
         )
-    return NotMeasured(components=names, interference=load, why=without_log(names, platform).why)
+    return NotMeasured(interference=load, why=without_log(names, platform).why)
 
 
 @cache

@@ -25,7 +25,7 @@ from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
-from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, explained
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
@@ -326,14 +326,13 @@ def _measured_together(
     again = _measuring(members)
     load = subject.setup.interference
 
-    def not_measured(finding: Finding, template: str, advice: Wording, **facts: Given) -> NotMeasured:
+    def without_answer(finding: Finding, template: str, advice: Wording, **facts: Given) -> NotMeasured:
         names = to_be_measured(group.members)
-        why = explained(finding, names, subject.platform, template, advice, log=path_shown, **facts)
-        return NotMeasured(components=names, interference=load, why=why)
+        return not_measured(finding, names, subject.platform, template, advice, load=load, log=path_shown, **facts)
 
     file = folder.read(path)
     if file is None:
-        return not_measured(
+        return without_answer(
             planning_findings.UNMEASURED,
             "{_members} not measured on {platform} with {_load} yet ({log}).",
             prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`)."),
@@ -343,13 +342,13 @@ def _measured_together(
     if isinstance(file, LogUnreadable):
         advice = unreadable_advice(file, prose("remove it and measure again: ", again))
         template = "{log}, line {line}: {reason}."
-        return not_measured(planning_findings.UNREADABLE, template, advice, line=file.line, reason=file.message)
+        return without_answer(planning_findings.UNREADABLE, template, advice, line=file.line, reason=file.message)
     own = group.request.hyperv.image
     now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
     found = present(file, subject, folder.files, now)
     if found.log is None:
         changed = found.comparison.changed
-        return not_measured(
+        return without_answer(
             planning_findings.STALE,
             "{log} no longer holds. Since it was measured, this changed: {_changed}.",
             stale_advice(changed, members),

@@ -35,6 +35,7 @@ from rarms_iac.planner.reservations import (
     depends_on_a_log,
     fixed,
     names_of,
+    to_be_measured,
 )
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.planner.verdicts import NotMeasured
@@ -203,7 +204,8 @@ def _about_logs(
             if answer.why.code != planning_findings.UNMEASURED.code:
                 yield from _as_findings([answer.why], problem.system, places)
                 continue
-            place = places.value("components", answer.components[0], "cpu", "reserve")
+            names = to_be_measured(group.members)
+            place = places.value("components", names[0], "cpu", "reserve")
             advice = prose(MEASURE, " finds what it needs.")
             if host.provider is ProviderKind.SIMULATED and any(each.simulation is None for each in group.members):
                 advice = prose("Give it `simulation: { work: 20 ms }`, as its host is simulated; then ", advice)
@@ -212,7 +214,7 @@ def _about_logs(
                 "There is no data log of {components:all} on {platform} yet.",
                 advice,
                 address=answer.why.address,
-                components=tuple(answer.components),
+                components=names,
                 platform=host.platform,
             )
 

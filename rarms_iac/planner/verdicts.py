@@ -29,29 +29,34 @@ Names = tuple[str, ...]
 class NotMeasured:
     """There is no answer for these components, and why."""
 
-    components: Names
     interference: str = ""  # the load whose data log is missing or does not hold; empty: there is no load to name
-    why: Diagnostic  # without a place; `explained` makes it
+    why: Diagnostic  # without a place
 
 
-def explained(
-    finding: Finding, components: Names, platform: str, template: str, advice: Wording, **facts: Given
-) -> Diagnostic:
+def not_measured(
+    finding: Finding,
+    components: Names,
+    platform: str,
+    template: str,
+    advice: Wording,
+    *,
+    load: str = "",
+    **facts: Given,
+) -> NotMeasured:
     """Return why the reservation of components on a platform is not known, at the first of them.
 
     A partition whose reserve is fixed has no such component.
     """
     address = f"component/{components[0]}" if components else ""
     about: Mapping[str, Given] = {"components": components, "platform": platform, **facts}
-    return finding.at(None, template, advice, address=address, related=(), **about)
+    return NotMeasured(interference=load, why=finding.at(None, template, advice, address=address, related=(), **about))
 
 
 def without_log(components: Names, platform: str) -> NotMeasured:
     """Return that no data log has the reservation of these components."""
     template = "The reservation of {components:each} on platform {platform} is to be measured, and no data log has it."
     advice = "Fix it with `cpu: { reserve: ... }`, or measure it first."
-    why = explained(planning_findings.UNMEASURED, components, platform, template, advice)
-    return NotMeasured(components=components, why=why)
+    return not_measured(planning_findings.UNMEASURED, components, platform, template, advice)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +222,7 @@ def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], pla
 
 
 def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
-    why = explained(
+    return not_measured(
         planning_findings.NOT_MET,
         names,
         log.records.header.platform,
@@ -228,14 +233,13 @@ def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
         indexes=(),
         _processors=counted(log.processors, "virtual processor"),
     )
-    return NotMeasured(components=names, why=why)
 
 
 def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether) -> NotMeasured:
     """Explain that the reservation is known with some loads, and that the others are not measured."""
     assert verdict.so_far is not None, "else a threshold is open or missed"
     so_far = guaranteed(verdict.so_far, log.processors)
-    why = explained(
+    return not_measured(
         planning_findings.UNMEASURED,
         names,
         log.records.header.platform,
@@ -252,7 +256,6 @@ def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether
         _so_far=show_processors(so_far),
         _load=verdict.interference,
     )
-    return NotMeasured(components=names, why=why)
 
 
 def _not_met(
@@ -280,7 +283,7 @@ def _not_met(
     else:
         template = "No setting of {log} meets {_indexes}, not even with all of its VPs."
         advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
-    why = explained(
+    return not_measured(
         planning_findings.NOT_MET,
         names,
         log.records.header.platform,
@@ -292,7 +295,6 @@ def _not_met(
         _indexes=" and ".join(f"{index} of {component}" for component, index in named),
         _settings=_highest_settings(log, measured),
     )
-    return NotMeasured(components=names, why=why)
 
 
 def _highest_settings(log: MeasuredTogether, measured: Sequence[MeasuredTogether]) -> str:

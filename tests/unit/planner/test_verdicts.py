@@ -14,7 +14,7 @@ from rarms_iac.model.system import Component, PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.planning_findings import NOT_VERIFIED, STALE, UNMEASURED
 from rarms_iac.planner.reservations import MeasuredReservations
-from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, decide, explained, why_unknown
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, decide, not_measured, why_unknown
 from rarms_iac.statistics.curves import Curve, curve_of
 from tests import builders_measured
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
@@ -42,8 +42,7 @@ def a_log(means: Mapping[int, float], load: str = "busy-loop", samples: int = 60
 
 
 def missing(load: str, finding: Finding = UNMEASURED) -> NotMeasured:
-    why = explained(finding, ("vision",), "onboard", f"no {load}", "Measure it.")
-    return NotMeasured(components=("vision",), interference=load, why=why)
+    return not_measured(finding, ("vision",), "onboard", f"no {load}", "Measure it.", load=load)
 
 
 MET, OPEN, MISSED = {40: 130.0, 60: 90.0}, {60: 90.0, 100: 80.0}, {60: 150.0, 100: 140.0}
@@ -233,8 +232,7 @@ def test_only_thresholds_that_no_setting_meets_are_named() -> None:
 
 
 def test_without_log_it_says_what_it_was_told() -> None:
-    why = explained(STALE, ("vision",), "onboard", "It changed.", "Measure again.")
-    stale = NotMeasured(components=("vision",), why=why)
+    stale = not_measured(STALE, ("vision",), "onboard", "It changed.", "Measure again.")
 
     (diagnostic,) = planned(vision(), {("vision",): stale}).findings
     (unknown,) = planned(vision(), {}).findings
