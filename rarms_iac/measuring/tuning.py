@@ -512,7 +512,7 @@ def _by_the_paper(start: TuningConclusion, inquiry: Inquiry, *, repeat: bool) ->
     done = tune_performance_to_use_less_resource(subject.cois, layout_fit.fits, inquiry, repeat=repeat)
     ending: TuningEnding = "nothing_to_do"
     if done.needed:
-        ending = "successful" if done.combinations else "unable"
+        ending = "successful" if done.compounds else "unable"
     return replace(start, ending=ending, cois=done.cois)
 
 

@@ -65,24 +65,11 @@ class Inquiry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Combination:
-    """Two CoIs that became a compound."""
-
-    compound: Coi
-    parts: tuple[Coi, Coi]
-
-    @property
-    def gain(self) -> int:
-        """The reservation that it saves, in per cent of one logical processor; below 0: it reserves more."""
-        return total(self.parts) - self.compound.cost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PaperTuning:
     """How tuning ended."""
 
     cois: tuple[Coi, ...]  # as they are now, most critical first
-    combinations: tuple[Combination, ...]  # in the order in which they were made
+    compounds: tuple[Coi, ...]  # in the order in which they were made
     trail: tuple[Answer, ...]
     needed: bool  # False: all fitted, and there was nothing to do
 
@@ -91,7 +78,7 @@ class PaperTuning:
         """What the paper says; empty where there was nothing to do."""
         if not self.needed:
             return ""
-        return SUCCESSFUL if self.combinations else UNABLE
+        return SUCCESSFUL if self.compounds else UNABLE
 
 
 def tune_performance_to_use_less_resource(
@@ -114,16 +101,17 @@ def tune_performance_to_use_less_resource(
         Unanswered: the oracle has no answer.
     """
     trail: list[Answer] = []
-    made: list[Combination] = []
+    made: list[Coi] = []
     now = ordered(cois)
     needed = not fits(now)
     while needed and (not made or (repeat and not fits(now))):
         found = combine_components(now, inquiry, trail)
         if found is None:
             break
-        made.append(found)
-        now = ordered([coi for coi in now if coi not in found.parts] + [found.compound])
-    return PaperTuning(cois=now, combinations=tuple(made), trail=tuple(trail), needed=needed)
+        compound, parts = found
+        made.append(compound)
+        now = ordered([*(coi for coi in now if coi not in parts), compound])
+    return PaperTuning(cois=now, compounds=tuple(made), trail=tuple(trail), needed=needed)
 
 
 def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
@@ -138,7 +126,9 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
     return tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name)))
 
 
-def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]) -> Combination | None:
+def combine_components(
+    cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]
+) -> tuple[Coi, tuple[Coi, Coi]] | None:
     """CombineComponents: combine the least critical one with the next that it can be combined with.
 
     What was asked is added to the trail.
@@ -161,7 +151,7 @@ def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer
         compound = _tried(least, next_to_last, inquiry, trail)
         if compound is not None:
             inquiry.reporter.combined(compound, total((least, next_to_last)))
-            return Combination(compound=compound, parts=(next_to_last, least))
+            return compound, (next_to_last, least)
     return None
 
 

@@ -82,8 +82,9 @@ def test_the_papers_steps_in_the_papers_order() -> None:
     ]
     assert [("+".join(answer.members), answer.reserve) for answer in done.trail] == oracle.asked
     assert done.message == SUCCESSFUL
-    (made,) = done.combinations
-    assert (made.compound.name, made.compound.criticality, made.compound.reserve, made.gain) == ("vision", 40, 50, 5)
+    (made,) = done.compounds
+    assert (made.name, made.criticality, made.reserve) == ("vision", 40, 50)
+    assert total(FOUR) - total(done.cois) == 5
     assert [coi.name for coi in done.cois] == ["vision", "speech", "paths"]
 
 
@@ -91,8 +92,9 @@ def test_worse_member_does_not_stop_the_pair() -> None:
     oracle = Scripted({("paths", "video"): {"paths": 45, "video": 15}})
     done = tune_performance_to_use_less_resource(FOUR, within(100), Inquiry(oracle=oracle))
 
-    (made,) = done.combinations
-    assert (made.compound.reserve, made.gain) == (50, -10), "it ends above the sum, and is reported so"
+    (made,) = done.compounds
+    assert made.reserve == 50
+    assert total(done.cois) - total(FOUR) == 10, "it ends above the sum"
     assert done.message == SUCCESSFUL
 
 
@@ -115,7 +117,7 @@ def test_repeating_continues_until_total_fits() -> None:
     )
     done = tune_performance_to_use_less_resource(FOUR, within(90), Inquiry(oracle=oracle), repeat=True)
 
-    assert [(combination.compound.name, combination.compound.reserve) for combination in done.combinations] == [
+    assert [(compound.name, compound.reserve) for compound in done.compounds] == [
         ("paths", 30),
         ("speech", 40),
     ]
@@ -138,7 +140,7 @@ def test_equal_criticalities_go_by_name() -> None:
     done = tune_performance_to_use_less_resource(same, within(100), Inquiry(oracle=oracle))
 
     assert oracle.asked[0] == ("b+c", 80)
-    assert done.combinations[0].compound.name == "b"
+    assert done.compounds[0].name == "b"
 
 
 def test_sum_beyond_the_host_is_asked_at_maximum() -> None:
@@ -157,7 +159,7 @@ def test_sum_is_processor_time_across_sizes() -> None:
     done = tune_performance_to_use_less_resource((wide, narrow), within(100), Inquiry(oracle=oracle))
 
     assert oracle.asked[0] == ("a+b", 58), "115 % of one processor, on two, rounded up"
-    assert done.combinations[0].gain == 35
+    assert total((wide, narrow)) - total(done.cois) == 35
 
 
 def test_apart_or_declined_is_not_measured() -> None:
