@@ -13,7 +13,7 @@ from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import Application, System
 from rarms_iac.model.wording import natural_order, quoted
-from rarms_iac.planner.refusals import IGNORED_RESERVES, asks_for_processors, ignores_reserves
+from rarms_iac.planner.mechanism import IGNORED_RESERVES, asks_for_processors, ignores_reserves
 
 NO_RIGHTS = Finding.error("RARMS158", "The right to manage the host is not proven")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")

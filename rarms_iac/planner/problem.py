@@ -14,10 +14,9 @@ from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.mechanism import deadline_percent, mechanism_of
+from rarms_iac.planner.mechanism import cannot_be_made, cannot_have_reserve, deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
-from rarms_iac.planner.refusals import cannot_be_made, cannot_have_reserve
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
 

@@ -16,7 +16,7 @@ from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.refusals import has_switch, takes_image
+from rarms_iac.planner.mechanism import has_switch, takes_image
 from rarms_iac.planner.sizes import limit_in_manifest
 
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")

@@ -20,7 +20,7 @@ from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import counted, in_a_row, list_names
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.refusals import is_larger_than_node
+from rarms_iac.planner.mechanism import is_larger_than_node
 from rarms_iac.planner.sizes import OPEN, limit_in_manifest
 
 NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
