@@ -168,7 +168,7 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
         return {}
     found: dict[str, int] = {}
     width = 0
-    levels = [list(level) for _, level in groupby(sorted(users, key=_criticality), key=_criticality)]
+    levels = [list(level) for _, level in groupby(sorted(users, key=criticality_of), key=criticality_of)]
     for level in levels[:-1]:
         width += sum(_usable_processors(task_users, processors) for task_users in level)
         if width >= processors:
@@ -179,7 +179,8 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
     return found
 
 
-def _criticality(users: Sequence[Component]) -> int:
+def criticality_of(users: Sequence[Component]) -> int:
+    """Return the highest criticality of those who name a class."""
     return max(user.criticality for user in users)
 
 

@@ -13,7 +13,7 @@ from rarms_iac.model.mmcss import PriorityValues, thread_priority
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
+from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, criticality_of, masks_of
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""
@@ -78,16 +78,12 @@ def classes_of(
         else:
             named.setdefault(component.task.lower(), []).append(component)
     fixed = {name.lower(): request for name, request in requests.items()}
-    by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
+    by_weight = sorted(named.values(), key=lambda users: (-criticality_of(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
     diagnostics = (*_out_of_order(decided, inside, places), *_remarks(decided, inside, places))
     masks = masks_of([*by_weight, *nameless], processors)
     decided = [replace(class_values, affinity=masks.get(class_values.name.lower(), ALL)) for class_values in decided]
     return Classes(classes=tuple(sorted(decided, key=lambda class_values: class_values.name)), findings=diagnostics)
-
-
-def _criticality(users: Sequence[Component]) -> int:
-    return max(user.criticality for user in users)
 
 
 def _called(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> str:
@@ -98,18 +94,14 @@ def _called(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> str
 
 
 def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskRequest]) -> list[ClassValues]:
-    levels = [list(level) for _, level in groupby(by_weight, key=_criticality)]
-    requests = [[_request(users, fixed) for users in level] for level in levels]
+    levels = [list(level) for _, level in groupby(by_weight, key=criticality_of)]
+    names = [[_called(users, fixed) for users in level] for level in levels]
+    requests = [[fixed.get(name.lower(), TaskRequest(name=name)) for name in level] for level in names]
     return [
         _class_values(request, users, values)
         for classes, level, chosen in zip(requests, levels, chosen_values(requests), strict=True)
         for request, users, values in zip(classes, level, chosen, strict=True)
     ]
-
-
-def _request(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> TaskRequest:
-    name = _called(users, fixed)
-    return fixed.get(name.lower(), TaskRequest(name=name))
 
 
 def _class_values(request: TaskRequest, users: Sequence[Component], values: PriorityValues) -> ClassValues:
@@ -118,7 +110,7 @@ def _class_values(request: TaskRequest, users: Sequence[Component], values: Prio
         category=values.category,
         priority=values.priority,
         background_priority=values.background_priority,
-        criticality=_criticality(users),
+        criticality=criticality_of(users),
         user=most_critical_first(users)[0].name,
     )
 
@@ -226,21 +218,17 @@ def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
     Returns:
         By name of the value, in alphabetical order.
     """
-    return {
-        "Affinity": _number(values.affinity),
-        "Background Only": _text("True"),
-        "BackgroundPriority": _number(values.background_priority),
-        "Clock Rate": _number(CLOCK_RATE),
-        "GPU Priority": _number(GPU_PRIORITY),
-        "Priority": _number(values.priority),
-        "Scheduling Category": _text(values.category.value),
-        "SFIO Priority": _text("Normal"),
+    data: Mapping[str, int | str] = {
+        "Affinity": values.affinity,
+        "Background Only": "True",
+        "BackgroundPriority": values.background_priority,
+        "Clock Rate": CLOCK_RATE,
+        "GPU Priority": GPU_PRIORITY,
+        "Priority": values.priority,
+        "Scheduling Category": values.category.value,
+        "SFIO Priority": "Normal",
     }
-
-
-def _number(data: int) -> RegistryValue:
-    return RegistryValue(kind=ValueKind.DWORD, data=data)
-
-
-def _text(data: str) -> RegistryValue:
-    return RegistryValue(kind=ValueKind.SZ, data=data)
+    return {
+        name: RegistryValue(kind=ValueKind.DWORD if isinstance(each, int) else ValueKind.SZ, data=each)
+        for name, each in data.items()
+    }
