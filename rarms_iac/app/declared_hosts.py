@@ -227,5 +227,5 @@ def _excesses(problem: Problem, too_large: Collection[str]) -> list[Diagnostic]:
 
 
 def _as_findings(causes: list[Diagnostic], system: System, places: Places) -> Iterator[Diagnostic]:
-    answer = Infeasible(proven=True, conflict=(), causes=tuple(dict.fromkeys(causes)), relaxations=())
+    answer = Infeasible(proven=True, causes=tuple(dict.fromkeys(causes)), relaxations=())
     return causes_as_findings(answer, system, places)

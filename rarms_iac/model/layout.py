@@ -180,7 +180,6 @@ class Infeasible:
     """No layout exists, or none was found: causes and ways out."""
 
     proven: bool
-    conflict: tuple[str, ...]  # names of partitions, a smallest set that does not fit together
     causes: tuple[Diagnostic, ...]  # without a place; without advice: the relaxations are it
     relaxations: tuple[Relaxation, ...]
     unfinished: tuple[str, ...] = ()  # parts of the search for relaxations that ended at its limit, as nouns

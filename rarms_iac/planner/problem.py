@@ -284,7 +284,7 @@ def solve(problem: Problem) -> Layout | Infeasible:
             need no search, and whether that is proven.
     """
     if causes := tuple(_causes(problem)):
-        return Infeasible(proven=True, conflict=(), causes=causes, relaxations=())
+        return Infeasible(proven=True, causes=causes, relaxations=())
     packing = pack(problem.items, problem.bins)
     if isinstance(packing, NoPacking):
         unchecked = problem.without_checks()
@@ -292,7 +292,7 @@ def solve(problem: Problem) -> Layout | Infeasible:
         if is_other or unchecked.items != problem.items:
             packing = pack(unchecked.items, unchecked.bins)
     if isinstance(packing, NoPacking):
-        return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
+        return Infeasible(proven=packing.proven, causes=(), relaxations=())
     return _layout(problem, packing)
 
 

@@ -35,12 +35,15 @@ def test_layout_fits_and_misfit_says_why(wanted: list[tuple[int, int]], number: 
                 here = [partition for partition in partitions if partition.host == host.name]
                 assert sum(partition.reserved for partition in here) <= host.logical_processors
                 assert sum(partition.settings.memory for partition in here) <= host.memory
-        case Infeasible(conflict=conflict, causes=causes):
+        case Infeasible(causes=causes):
             assert causes
             assert planning.findings
-            only = {name: component for name, component in system.components.items() if name in conflict}
-            again = plan_layout(a_system(hosts=hosts, components=only.values()), FixedReservations(), {}, PLACES)
-            assert isinstance(again.answer, Infeasible), "what is said to conflict does"
+            for cause in causes:
+                names = cause.values["partitions"]
+                assert isinstance(names, tuple)
+                only = [system.components[str(name)] for name in names]
+                again = plan_layout(a_system(hosts=hosts, components=only), FixedReservations(), {}, PLACES)
+                assert isinstance(again.answer, Infeasible), "what is said to conflict does"
 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from("ABCDEFGH")), max_size=8))

@@ -47,8 +47,7 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
         start: What the problem was made of: changes of it are planned.
 
     Returns:
-        The same answer with causes, the names of who conflicts, and up to a few ways out, each planned before it is
-            offered.
+        The same answer with causes and up to a few ways out, each planned before it is offered.
     """
     budgets = conflict_budget(), SearchBudget.of(NODES_FOR_MOVES), SearchBudget.of(NODES_FOR_CHANGES)
     for_conflict, for_moves, for_changes = budgets
@@ -60,7 +59,6 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
     return replace(
         answer,
         proven=answer.proven or all(conflict.proven for conflict in found),
-        conflict=tuple(names),
         causes=tuple(causes),
         relaxations=ways_out(problem, names, planner, needed),
         unfinished=tuple(dict.fromkeys(part for budget in budgets for part in budget.unfinished)),

@@ -53,7 +53,7 @@ def test_few_among_many_are_named_with_their_host(others: int) -> None:
     answer = planning.answer
     assert isinstance(answer, Infeasible)
     assert answer.proven
-    assert answer.conflict == ("p0", "p1", "p2", "p3", "p4")
+    assert answer.causes[0].values["partitions"] == ("p0", "p1", "p2", "p3", "p4")
     assert (planning.findings[0].code, planning.findings[0].address) == ("RARMS121", "host/host0")
 
 
@@ -68,7 +68,6 @@ def test_sum_on_a_forced_host_is_told() -> None:
     planning = planned(system)
 
     assert isinstance(planning.answer, Infeasible)
-    assert planning.answer.conflict == ("a", "b")
     assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
     assert planning.findings[0].detail == "a 1.2 LP and b 1.2 LP need 2.4 LP; right has 2 LP to promise."
     expected = {"partitions": ("a", "b"), "hosts": ("right",), "needs_lp": 2.4, "has_lp": 2.0, "proven": True}
@@ -105,7 +104,7 @@ def test_overfilling_component_is_named_with_total() -> None:
 )
 def test_only_way_out_is_sentence_or_list(changes: tuple[str, ...], advice: str) -> None:
     cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
-    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(changes=changes),))
+    answer = Infeasible(proven=True, causes=(cause,), relaxations=(Relaxation(changes=changes),))
 
     assert [str(finding.advice) for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
 
@@ -119,7 +118,7 @@ def test_only_way_out_is_sentence_or_list(changes: tuple[str, ...], advice: str)
 )
 def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
     cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
-    answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
+    answer = Infeasible(proven=proven, causes=(cause,), relaxations=())
 
     assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]
 
