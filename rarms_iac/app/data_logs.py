@@ -28,10 +28,17 @@ from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_lo
 from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
-from rarms_iac.storage.datalog.identity import LogSubject, identity_of
+from rarms_iac.storage.datalog.identity import (
+    Changed,
+    LogSubject,
+    ObservedPlatform,
+    PartialPlatform,
+    Present,
+    identity_of,
+    present_log,
+)
 from rarms_iac.storage.datalog.log import DataLog, LogFile
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
-from rarms_iac.storage.datalog.staleness import Changed, ObservedPlatform, PartialPlatform, Present, present_log
 
 LISTED = 4
 """Changes that one message names; more are counted."""

@@ -14,9 +14,8 @@ from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, join_settings
 from rarms_iac.model.version import __version__
 from rarms_iac.storage.datalog.files import append_setting, log_path, read_log
-from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.identity import Changed, Present, header_of, identity_of, present_log
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
-from rarms_iac.storage.datalog.staleness import Changed, Present, present_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,9 +22,8 @@ from rarms_iac.model.setting import PlatformFacts
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.storage.datalog.files import read_log
-from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of, present_log
 from rarms_iac.storage.datalog.log import Remeasurement
-from rarms_iac.storage.datalog.staleness import present_log
 from tests.builders import a_host, a_system
 from tests.fluid import fluid
 

@@ -11,10 +11,9 @@ from rarms_iac.model.loads import Browser, CommandLoad
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount, Samples, Stop, TimeField
 from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
-from rarms_iac.storage.datalog.identity import LogSubject, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, PartialPlatform, compare_header, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.named_files import Files, file_digest
-from rarms_iac.storage.datalog.staleness import PartialPlatform, compare_header
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
 from tests.builders_measured import a_bench, a_header, a_subject
 
