@@ -188,7 +188,7 @@ def test_step_speaks_of_host_in_words_of_plan() -> None:
     with a_lab(a_system(components=[a_component("eyes")])) as lab:
         shown = "\n".join(lines_of(lab.plan(), verbose=True, width=120))
 
-    assert "partition/eyes: when the host starts: start; when the host stops: shut down; no checkpoints" in shown
+    assert "partition/eyes: automatic start yes, stop action shut down, checkpoints disabled" in shown
 
 
 def a_class(task: str, priority: int, *components: str, inside: str = "") -> ThreadClass:
