@@ -13,7 +13,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.measuring.duration import forecast_line
-from rarms_iac.measuring.findings import OCCUPIED, UNABLE, proof_findings, work_of_evidence
+from rarms_iac.measuring.findings import OCCUPIED, proof_findings, work_of_evidence
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
@@ -29,7 +29,13 @@ from rarms_iac.measuring.proof import (
     prove,
     with_samples,
 )
-from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, refuse_what_cannot_run, short_secrets_of
+from rarms_iac.measuring.session import (
+    MeasuringSession,
+    hold_measuring_hosts,
+    no_measurable_host,
+    refuse_what_cannot_run,
+    short_secrets_of,
+)
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -296,18 +302,8 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
     measurable = tuple(name for name in hosts.chosen if hosts.can_run_on(name))
     if not measurable:
-        advice = "Run the components there by hand, and compare what they show with their thresholds."
-        raise UseCaseError(
-            Outcome.FAILED,
-            [
-                UNABLE.at(
-                    None,
-                    "rarms can run components on none of these hosts: {_shown}.",
-                    advice,
-                    hosts=tuple(hosts.chosen),
-                    _shown=", ".join(hosts.chosen) or "there are none",
-                )
-            ],
+        raise no_measurable_host(
+            hosts, "Run the components there by hand, and compare what they show with their thresholds."
         )
     return measurable
 

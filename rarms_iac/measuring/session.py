@@ -114,6 +114,15 @@ def short_secrets_of(manifest: Manifest, started: Iterable[tuple[Host, str]]) ->
     return unaccepted_short_secrets(manifest, [manifest.system.components[name] for name in names])
 
 
+def no_measurable_host(hosts: Hosts, advice: str) -> UseCaseError:
+    """Make the error that rarms can run components on none of the chosen hosts (failed)."""
+    template, names = "rarms can run components on none of these hosts: {_names}.", ", ".join(hosts.chosen)
+    chosen = tuple(hosts.chosen)
+    return UseCaseError(
+        Outcome.FAILED, [UNABLE.at(None, template, advice, hosts=chosen, _names=names or "there are none")]
+    )
+
+
 def refuse_what_cannot_run(
     session: MeasuringSession,
     host: MeasuringHost,

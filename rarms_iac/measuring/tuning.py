@@ -10,11 +10,11 @@ from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.findings import UNABLE, why_out_of_memory, work_of_settings
+from rarms_iac.measuring.findings import why_out_of_memory, work_of_settings
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.run_experiment import run_experiment
-from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.session import MeasuringSession, no_measurable_host
 from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
@@ -293,17 +293,7 @@ def tuning_host(hosts: Hosts) -> Host:
     for name in hosts.chosen:
         if hosts.open_to_measure(name) is not None:
             return hosts.system.hosts[name]
-    raise UseCaseError(
-        Outcome.FAILED,
-        [
-            UNABLE.at(
-                None,
-                "rarms can run components on none of these hosts: {hosts:each}.",
-                "Tune on a Linux host, or on a simulated host of the same platform: --host.",
-                hosts=tuple(hosts.chosen),
-            )
-        ],
-    )
+    raise no_measurable_host(hosts, "Tune on a Linux host, or on a simulated host of the same platform: --host.")
 
 
 def _can_be_tuned(group: Group, problem: Problem, host: Host) -> bool:
