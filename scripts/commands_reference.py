@@ -20,12 +20,12 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 | exit code | what it says |
 |---|---|
 | 0 | what was asked is done, nothing was to do, or warnings only |
-| 1 | the tool or a host failed |
+| 1 | the tool or a host failed, or a host cannot be reached |
 | 2 | `plan --detailed-exitcode`: changes; `validate`, `doctor`: errors; `fmt --check`, `drift`: not as it should be |
 | 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
 | 4 | the answer is no: errors in the manifest (any command but `validate`), it does not fit |
 | 5 | `drift`: only not applied yet |
-| 64 | wrong usage |
+| 64 | wrong usage, or a name that neither the manifest nor a host has |
 | 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
 
 `apply` without PLAN, `destroy`, `stop`, `start`, `import` and `release` finish an unfinished run first, and then plan.

@@ -23,12 +23,12 @@ class ExitCode(IntEnum):
     """How a command ended."""
 
     DONE = 0  # done, nothing to do, or warnings only
-    FAILED = 1  # the tool or the host failed
+    FAILED = 1  # the tool or a host failed, or a host cannot be reached
     FOUND = 2  # plan --detailed-exitcode: changes; validate: errors; fmt --check, drift: not as it should be
     REFUSED = 3  # host moved, busy or locked; plan stale, edited or used; another run unfinished
     NO = 4  # errors in the manifest, does not fit
     NOT_APPLIED = 5  # drift: only not applied yet
-    USAGE = 64
+    USAGE = 64  # wrong words, or a name that neither the manifest nor a host has
     INTERRUPTED = 130  # Ctrl-C; can be resumed
     TERMINATED = 143
 

@@ -197,7 +197,7 @@ def test_unknown_name_is_refused_before_missing_terminal(tmp_path: Path) -> None
     with chdir(tmp_path):
         answers = [rarms(*words) for words in (("destroy", "--target", "nosuch"), ("release", "nosuch"))]
 
-    assert [answer.code for answer in answers] == [ExitCode.NO, ExitCode.NO]
+    assert [answer.code for answer in answers] == [ExitCode.NO, ExitCode.USAGE]
     assert all("nosuch" in answer.err and "terminal" not in answer.err for answer in answers)
 
 

@@ -145,3 +145,23 @@ def test_stopped_partition_stays_promised() -> None:
 
     assert destroyed.code == 0
     assert "Afterwards: 0.9 LP of 2 LP" in destroyed.out, "vision, and logger, which was never started"
+
+
+def test_history_calls_each_run_by_its_command() -> None:
+    for words in (("stop", "vision"), ("start",), ("release", "speech"), ("destroy", "--target", "partition/logger")):
+        assert rarms(*words, "--auto-approve").code == 0
+
+    runs = json.loads(rarms("history", "--json").out)["hosts"]["onboard"]
+
+    assert [run["purpose"] for run in runs] == ["apply", "stop", "start", "release", "destroy"]
+    shown = [line.split()[3] for line in rarms("history").out.splitlines()[2:]]
+    assert shown == ["destroy", "release", "start", "stop", "apply"]
+    assert "Last run: destroy of plan" in rarms("status").out
+
+
+@pytest.mark.parametrize("words", [("stop", "nosuch"), ("release", "nosuch"), ("import", "nosuch", "--id", "x")])
+def test_unknown_partition_is_wrong_usage(words: tuple[str, ...]) -> None:
+    ran = rarms(*words, "--auto-approve")
+
+    assert ran.code == 64
+    assert 'no partition "nosuch"' in " ".join(ran.err.split())

@@ -10,6 +10,7 @@ from rarms_iac.app.control import RemainingSettings
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.experiment import Experiment, experiment_of
+from rarms_iac.model.indexes import index_named, threshold_of
 from rarms_iac.model.outcomes import Stopped, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
@@ -67,6 +68,15 @@ def text(results: list[ExperimentResult], waiting: list[Experiment] | None = Non
 def test_a_setting_below_that_misses_is_not_enough() -> None:
     assert "1.18 LP too little" in text([found(105.0)])
     assert '"undecided": false' in json_of(outcome_of(found(105.0)))
+
+
+def test_threshold_and_value_keep_unit_of_manifest() -> None:
+    apt = {"mean_response_time": replace(at_most(100), unit="s")}
+    system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
+    result = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
+
+    assert threshold_of(index_named("mean_response_time"), "0.1 s").unit == "s"
+    assert "mean <= 0.1 s  0.0948 s" in text([result])
 
 
 def test_undecided_lower_setting_is_within_noise() -> None:
