@@ -1,7 +1,7 @@
 """How a caller takes part while a use case works: it hears what goes on, may end it, and is asked; by default not."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,35 +17,19 @@ class StopSignal(Protocol):
     """Says whether the work is to end."""
 
     def should_stop(self) -> bool:
-        """Whether the work ends at the next safe place; asked between steps and settings, so it must be quick.
+        """Tell whether the work ends at the next safe place; asked between steps and settings, so it must be quick.
 
-        Returns:
-            True from the request on; it is not taken back.
+        Once it is True it stays so.
         """
-
-    def gently(self) -> AbstractContextManager[None]:
-        """Inside, a host is being changed: a request to stop must wait for `should_stop` to be asked.
-
-        Returns:
-            A context to enter around the change.
-        """
-
-
-class NeverStop:
-    """No end is asked for."""
-
-    def should_stop(self) -> bool:
-        """Return False."""
         return False
 
-    @contextmanager
-    def gently(self) -> Iterator[None]:
-        """Nothing is there to be held back.
+    def gently(self) -> AbstractContextManager[None]:
+        """Return a context for the change of a host: inside, a request to stop waits for `should_stop` to be asked."""
+        return nullcontext()
 
-        Yields:
-            Once, with nothing.
-        """
-        yield
+
+class NeverStop(StopSignal):
+    """No end is asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

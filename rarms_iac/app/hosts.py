@@ -343,7 +343,7 @@ def host_errors() -> Iterator[None]:
     try:
         yield
     except HostLocked as error:
-        raise UseCaseError(Outcome.REFUSED, [refusals.locked(error)]) from error
+        raise UseCaseError(Outcome.REFUSED, [refusals.lock_held(error.host, error.message)]) from error
     except EndedThere as error:
         raise UseCaseError(Outcome(error.outcome), error.findings) from error
     except HostError as error:

@@ -69,7 +69,7 @@ def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change,
 
 
 def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
-    """Return a finding for each target at and below which there is none of the addresses: a slip of the pen."""
+    """Return a finding for each target at and below which none of the addresses lies."""
     return tuple(
         NO_TARGET.at(
             None,

@@ -12,7 +12,7 @@ from rarms_iac.model.plan import Step
 from rarms_iac.model.system import Application
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
-from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked, HostUnreachable
+from rarms_iac.providers.interface import HostDamaged, HostError, HostUnreachable
 from rarms_iac.providers.robot import OtherVersion
 from rarms_iac.storage.marks import ForeignValue
 
@@ -40,7 +40,7 @@ _LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what dif
 
 
 def used(host: str, plan: str) -> Diagnostic:
-    """Return the plan's serial has passed on this host."""
+    """Refuse a plan that was used, or that another run has overtaken."""
     return MOVED.of_host(
         host,
         "Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
@@ -50,7 +50,7 @@ def used(host: str, plan: str) -> Diagnostic:
 
 
 def moved(host: str, parts: Sequence[str]) -> Diagnostic:
-    """Parts of the observed state differ from those that the plan rests on."""
+    """Refuse a plan whose host differs in these parts from what the plan saw."""
     return MOVED.of_host(
         host,
         "On {host} this is no longer as the plan saw it: {differences:;}.",
@@ -60,7 +60,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
 
 
 def different_host(host: str, serial: int, planned: int) -> Diagnostic:
-    """Return a host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
+    """Refuse a host that knows of fewer runs than the plan: it is another one, as no host forgets a run."""
     return MOVED.of_host(
         host,
         "{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies "
@@ -73,7 +73,7 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
 
 
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
-    """Return a run of another plan was begun and never closed."""
+    """Refuse a host on which a run of another plan is unfinished."""
     if isinstance(journal, Journal) and (other := begun_by_another_version(host, journal)) is not None:
         return other
     started = journal.started
@@ -134,7 +134,7 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
 
 
 def without_key(plan: str) -> Diagnostic:
-    """Return the policy of the plan's manifest demands signed plans, and no key is set that a signature could fit."""
+    """Refuse a plan where its manifest demands signed plans and no key is set."""
     return UNSIGNED.at(
         None,
         "The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
@@ -150,7 +150,7 @@ def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
 
 
 def run_of_another(host: str, journal: Journal | ScriptRun, application: Application) -> Diagnostic:
-    """Return what was done last on the host was done for another application or robot, which alone may take it back."""
+    """Refuse to take back a run of another application or robot, which alone may do that."""
     started = journal.started
     begun_for, own = (
         f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
@@ -175,19 +175,14 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
     )
 
 
-def locked(error: HostLocked) -> Diagnostic:
-    """Another run holds the host."""
-    return lock_held(error.host, error.message)
-
-
 def lock_held(host: str, detail: str) -> Diagnostic:
-    """Another run holds the host, as `detail` says."""
+    """Refuse a host that another run holds, as `detail` says."""
     advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
     return LOCKED.of_host(host, "{host}: {reason}.", advice, reason=detail)
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
-    """Return a step found neither what the plan saw nor what it wants."""
+    """Report that a step found neither what the plan saw nor what it wants."""
     return MOVED.at(
         step.place,
         "{resource} on {host}, before `{step}`: {_differences}.",
@@ -200,7 +195,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
 
 
 def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
-    """Return the host refused a step or failed in it."""
+    """Report that the host refused a step or failed in it."""
     return STEP_FAILED.at(
         step.place,
         "{resource} on {host}, `{step}`: {reason}.",
@@ -212,7 +207,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
 
 
 def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
-    """Return the call went through, and the host still shows something else."""
+    """Report that a step's call went through, and that the host still shows something else."""
     return STEP_FAILED.at(
         step.place,
         "{resource} on {host}, after `{step}`: {_differences}.",
@@ -251,7 +246,7 @@ def host_failed(error: HostError) -> Diagnostic:
 
 
 def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
-    """Something bears a mark of rarms, and no run is recorded that made it."""
+    """Report a host that bears marks of rarms and has no record of a run that made them."""
     return DAMAGED.of_host(
         host,
         "{_describe_missing_journal} Nothing can be undone there.",
@@ -268,7 +263,7 @@ def describe_missing_journal(host: str, marked: Sequence[str]) -> str:
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
-    """All steps went through, and looking again shows a difference."""
+    """Report a difference that another look shows after all steps went through."""
     return STEP_FAILED.at(
         None,
         "{resource} on {host}: {difference}.",
@@ -281,12 +276,12 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
 
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
-    """There is no apply to take back."""
+    """Report that there is no apply to take back."""
     return NOTHING_CHANGED.of_host(host, "{host}: {reason}.", "Nothing was changed.", reason=why)
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
-    """Return a step of the run cannot be taken back, or not wholly."""
+    """Warn of a step that cannot be taken back, or not wholly."""
     return UNDO_PARTIAL.at(
         None,  # the step's line is of the manifest that was applied, which may name another component by now
         "{resource} on {host}, `{step}`: {reason}.",
@@ -298,12 +293,12 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
-    """Return what an undo script could not take back, as it says of itself."""
+    """Warn of what an undo script cannot take back, as it says of itself."""
     return UNDO_PARTIAL.of_host(host, "{host}: {reason}.", _LOST, reason=lost.rstrip("."))
 
 
 def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnostic:
-    """Return the undo sets a value again that rarms had not set."""
+    """Warn of a value that the undo sets again and that rarms had not set."""
     set_again = prose("After the undo, ", APPLY, f" sets {value.applied} again.")
     keep = prose(f"To keep {value.applied}, run ", command("undo", keep=True), " instead.") if can_keep else ""
     return UNDO_FOREIGN.at(
@@ -320,7 +315,7 @@ def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnosti
 
 
 def undo_script_foreign(host: str, line: str) -> Diagnostic:
-    """Return what an undo script sets again although rarms had not set it, as it says of itself."""
+    """Warn of a value that an undo script sets again although rarms had not set it, as it says of itself."""
     advice = prose("After the undo, ", APPLY, " sets the manifest's value again.")
     return UNDO_FOREIGN.of_host(host, "{host}, not set by rarms: {value}.", advice, value=line)
 

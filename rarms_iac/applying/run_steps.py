@@ -115,7 +115,7 @@ def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_b
         host.execute(step.operation, scope)
         live = host.read(step.address, scope)
     except HostLocked as error:
-        return refusals.locked(error)
+        return refusals.lock_held(error.host, error.message)
     except HostError as error:
         return refusals.step_failed(host.name, step, error)
     if not matches(live, step.after):
@@ -166,7 +166,7 @@ def hold(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator
 def failed_run(error: HostError) -> RunReport:
     """Return the report of a run that ended with this error."""
     if isinstance(error, HostLocked):
-        return RunReport(ending=RunEnding.REFUSED, findings=(refusals.locked(error),))
+        return RunReport(ending=RunEnding.REFUSED, findings=(refusals.lock_held(error.host, error.message),))
     if isinstance(error, EndedThere):
         endings = {ending.value: ending for ending in (RunEnding.REFUSED, RunEnding.INTERRUPTED)}
         return RunReport(ending=endings.get(error.outcome, RunEnding.FAILED), findings=error.findings)
