@@ -20,7 +20,6 @@ class Making:
     image: str = ""  # parent disk of a differencing child
     switch: str = ""
     vm_path: str = ""
-    secure_boot: str = ""  # a template, or `SECURE_BOOT_OFF`; empty: as the host makes it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -248,7 +248,6 @@ def _making(group: Group, host: Host) -> Making:
     own = group.request.hyperv
     return Making(
         image=own.image or usual.image or "",
-        secure_boot=_secure_boot(group, host),
         switch=own.switch or usual.switch or "",
         vm_path=own.vm_path or usual.vm_path or "",
     )
