@@ -94,6 +94,10 @@ def test_the_picture_and_json_show_the_same_graph(here: Path) -> None:
     picture = rarms("graph", "--candidates", "-f", str(here)).lines
     assert "  n0 -.-> n3" in picture, "path is a part of path+speech, which is dashed until it is measured"
 
+    table = rarms("graph", "--candidates", "-f", str(here), shown_at_a_terminal=True).out
+    assert "path + speech" in table
+    assert "n0" not in table, "a terminal gets a table, which keeps to its width"
+
     answer = rarms("graph", "--candidates", "--json", "-f", str(here))
     check(answer.out)
     shown = {load["name"]: load for load in json.loads(answer.out)["candidates"]}

@@ -17,6 +17,7 @@ COMMANDS = (
     ("plan",),
     ("drift",),
     ("explain", "vision"),
+    ("explain", "vision", "--guide"),
     ("explain", "RARMS160"),
     ("report", "--text"),
     ("select", "vision", "--at", "1 ms"),
