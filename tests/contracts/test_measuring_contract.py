@@ -77,6 +77,10 @@ EYES = a_component(
 EARS = a_component("ears", run=program(0.001, 0.019), simulation=a_simulation(work="1 ms", varies="10 %"))
 
 
+LATER = pytest.mark.system
+"""Takes seconds of all processors, and is left out of a usual run as tests/system is."""
+
+
 @pytest.fixture(params=[simulated, pytest.param(linux, marks=[pytest.mark.needs("control-groups"), pytest.mark.alone])])
 def host(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[MeasuringHost]:
     made = request.param(tmp_path)
@@ -151,7 +155,7 @@ def test_counting_begins_on_request_and_lasts(host: MeasuringHost) -> None:
         assert running.elapsed_ms() >= began + 5 * host.scheduler_memory_ms > began > 0
 
 
-@pytest.mark.parametrize(("load", "begins_anew"), [("busy-loop", True), ("bursts-20", False)])
+@pytest.mark.parametrize(("load", "begins_anew"), [("busy-loop", True), pytest.param("bursts-20", False, marks=LATER)])
 def test_steady_load_restarts_while_components_run(load: str, begins_anew: bool, host: MeasuringHost) -> None:
     work = some_work(EYES, load=LOADS_WITHOUT_ENTRY[load], eyes=SampleCount(samples=40))
     with ready(host), host.run(work) as running:
@@ -188,7 +192,7 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
     assert means[1] >= 0.8 * means[2], "a real machine is noisy"
 
 
-@pytest.mark.parametrize("load", ["bursts-20", "bursts-100-half"])
+@pytest.mark.parametrize("load", ["bursts-20", pytest.param("bursts-100-half", marks=LATER)])
 def test_beside_bursts_components_get_the_rest(host: MeasuringHost, load: str) -> None:
     """P1 reserves 20 %: beside bursts of P2's own 80 % it has hardly more, beside half of the time about half."""
     greedy = a_component("eyes", run=program(0.004, processes=2), simulation=a_simulation(work="4 ms", threads=2))
@@ -213,7 +217,7 @@ def test_p1_gets_exactly_cr_on_each_processor(tmp_path: Path, reserve: int, thre
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-@pytest.mark.parametrize("reserve", [10, 60])
+@pytest.mark.parametrize("reserve", [10, pytest.param(60, marks=LATER)])
 def test_real_processes_share_as_p1_and_p2_reserve(tmp_path: Path, reserve: int) -> None:
     """Of what both got: others use this machine, too. Tried three times, as a setting is."""
     host, shares = linux(tmp_path), [0.0]
