@@ -56,7 +56,7 @@ def test_history_has_only_runs_of_the_user() -> None:
     assert rarms("stop", "speech", "--auto-approve").code == 0
     assert rarms("start", "speech", "--auto-approve").code == 0
 
-    assert kinds() == ["apply", "apply", "apply"]
+    assert kinds() == ["start", "stop", "apply"]
 
 
 def kinds() -> list[str]:
@@ -65,7 +65,7 @@ def kinds() -> list[str]:
     return [re.split(r" {2,}", row.strip())[1] for row in rows]
 
 
-def test_undo_skips_the_start_after_measuring() -> None:
+def test_undo_takes_back_the_last_apply_before_measuring() -> None:
     Path("rarms.yaml").write_text(MANIFEST.replace("reserve: 20 %", "reserve: 30 %"), encoding="utf-8")
     assert rarms("apply", "--auto-approve").code == 0
     for setting in ("50%", "60%"):  # a measurement after a measurement
