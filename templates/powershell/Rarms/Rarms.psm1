@@ -774,7 +774,8 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     $record = [ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        robot = $plan.Robot; purpose = $plan.Purpose; script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
+        robot = $plan.Robot; purpose = $plan.Purpose
+        script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past); serials = $script:Serials

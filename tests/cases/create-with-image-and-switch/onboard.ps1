@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 670db2f8a536d17ff534d75e1bddfc95cc4c19b6a6fa5b0a463481e35fb81679, Rarms.psm1 637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 2e99cd74f7e547f086264c38f8b85d61dee6207ce8d69a0eae351034ad5415fe, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'f45445d1a1e1'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '670db2f8a536d17ff534d75e1bddfc95cc4c19b6a6fa5b0a463481e35fb81679'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '2e99cd74f7e547f086264c38f8b85d61dee6207ce8d69a0eae351034ad5415fe'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -83,7 +83,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A'
+    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

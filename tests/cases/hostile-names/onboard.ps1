@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo c24171e377d5442658fd73a0a44903a9abbaf7c2a443ae12a0c3398a1e82c4c0, Rarms.psm1 637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo fce089d834d3d1944398349f160168da79edb14f1a1457ec558a7b497b681af4, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'f063653ea86c'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c24171e377d5442658fd73a0a44903a9abbaf7c2a443ae12a0c3398a1e82c4c0'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fce089d834d3d1944398349f160168da79edb14f1a1457ec558a7b497b681af4'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -71,7 +71,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A'
+    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

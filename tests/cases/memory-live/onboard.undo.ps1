@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it takes back what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
 #>
 
 #Requires -Version 5.1
@@ -56,7 +56,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A'
+    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo ae1a41a3a18c3ff28411ca6d3f2d2284e6df60a893021e7b3bf8101203940832, Rarms.psm1 637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 94073e5bcd454b37c17ee0d74fb5bdd3aab3548bc61cc411a572f4a0024803e6, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'ac22dfd0bd03'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ae1a41a3a18c3ff28411ca6d3f2d2284e6df60a893021e7b3bf8101203940832'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '94073e5bcd454b37c17ee0d74fb5bdd3aab3548bc61cc411a572f4a0024803e6'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '637313B655E792276C9BDF82678ED1900AC98C595BDB3DC1EE412B2855F0296A'
+    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
