@@ -103,7 +103,6 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     """Give the machine all that `new` has of this facet, in one call; its undo gives it the values that it has now.
 
     Args:
-        builder: of the machine on its way.
         old: the settings before the change.
         new: the settings after it.
     """

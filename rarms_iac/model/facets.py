@@ -194,7 +194,6 @@ def change_text(names: Iterable[str], old: PartitionSettings | None, to: Partiti
     """Say from what to what these settings change, the reserve in both units.
 
     Args:
-        names: of the settings.
         old: before the change, of all steps that belong together; None: the machine is new.
         to: after it.
 

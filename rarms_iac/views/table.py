@@ -247,9 +247,7 @@ def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Se
     """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
 
     Args:
-        row: what runs, in cells.
         rows: those above it, whose cells its columns are as wide as.
-        width: columns of the terminal.
 
     Returns:
         The row; as it is where less than a third of the line is left for the last cell.

@@ -243,7 +243,6 @@ def to_partitions(
         definitions: of all partitions, those of unmanaged groups included.
         running: by name of the group: those that are in the kernel.
         boot: the machine's latest start.
-        processors: logical processors of the machine.
     """
     return with_marks(
         (_partition(definition, running, boot, processors), definition.notes) for definition in definitions
