@@ -43,7 +43,6 @@ RANGES: Mapping[str, Range] = {
     "reserve": PERCENT,
     "Set.after": ANY,
     "Set.before": ANY,
-    "Setting.reserve": (1, 100),
     "Step.after": ANY,
     "Step.before": ANY,
     "thread_priority": (0, 31),

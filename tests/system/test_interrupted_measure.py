@@ -77,7 +77,7 @@ def test_interrupted_measurement_goes_on(tmp_path: Path) -> None:
 
     assert code == 130, err
     assert "run the same command to continue" in err
-    assert [line.split()[0] for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
+    assert [line.split()[0].rstrip(":") for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
         "vision",
         "audio",
     ], "as they were named, and none left out"

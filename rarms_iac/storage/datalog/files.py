@@ -12,7 +12,7 @@ from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, sample_numbers
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_range, sample_numbers
 from rarms_iac.storage.datalog.identity import header_digest
 from rarms_iac.storage.datalog.log import FORMAT, Header, LogFile, LogRecord, Recorded, Remeasurement, as_recorded
 from rarms_iac.storage.disk import MEASUREMENTS, make_folders
@@ -215,6 +215,7 @@ def _value_in(record: dict[str, Json]) -> Header | LogRecord:
         return _header(record)
     value = decode(LogRecord, record)
     if isinstance(value.record, Recorded):
+        in_range(value.record.setting.reserve, (1, 100), "reserve")  # a run without a reservation is never recorded
         for series in value.record.setting.series:
             sample_numbers((*series.starts, *series.runs), len(series.samples), f"series of {series.component}")
     return value
