@@ -16,7 +16,7 @@ from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
-from rarms_iac.measuring.run_experiment import decisive, measure_with_each_load
+from rarms_iac.measuring.run_experiment import decisive, least_shown, measure_with_each_load
 from rarms_iac.measuring.session import MeasuringSession, stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
 from rarms_iac.measuring.tuning import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
@@ -27,7 +27,6 @@ from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.oracle import WHOLE, total
 from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.planning_findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
-from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
 class SessionEnded(Exception):
@@ -177,7 +176,7 @@ def _judged_by_new_thresholds(hosts: Hosts, result: ExperimentResult) -> Experim
     if members == before.members:
         return result
     experiment = replace(before, members=members)
-    planned = least_reserve(curves_of(result.settings, experiment.runs, experiment.apts))
+    planned = least_shown(experiment, result.settings)
     return replace(result, experiment=experiment, conclusion=Swept(), planned=planned)
 
 

@@ -143,7 +143,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             conclusion=conclusion,
             settings=known.settings,
             new=new,
-            planned=least_reserve(curves_of(known.settings, experiment.runs, experiment.apts)),
+            planned=least_shown(experiment, known.settings),
             log=run.log.path.as_posix(),
         )
 
@@ -177,6 +177,11 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
                 return ProcessorNumber(number=number, source=ProcessorSource.USED)
+
+
+def least_shown(experiment: Experiment, settings: Sequence[Setting]) -> ReservePercent | None:
+    """Return the least CR that these settings show to be enough, which a plan reserves; None: they show none."""
+    return least_reserve(curves_of(settings, experiment.runs, experiment.apts))
 
 
 def _prepared(run: ExperimentRun, seed: int) -> Site:
