@@ -73,12 +73,12 @@ class HostTotals:
     kept_memory: int
     promised: Totals
 
-    @property
+    @output
     def reserved_lp(self) -> Fraction:
         """LPs that the application's partitions are promised."""
         return self.promised.reserved_lp
 
-    @property
+    @output
     def unmanaged_lp(self) -> Fraction:
         """LPs that all other machines reserve."""
         return self.promised.others_lp
