@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 from datetime import date
 
-from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, partitions_present, rules_of
+from rarms_iac.applying.desired_hosts import context_of, desired_hosts, partitions_present, rules_of
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.order import order
-from rarms_iac.diff.step_context import Difference, HostContext, StepBudget
+from rarms_iac.diff.step_context import Difference, StepContext
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.changes import Change
 from rarms_iac.model.diagnostics import Diagnostic
@@ -29,8 +29,7 @@ class Route:
     """Everything between manifest and steps, for one host."""
 
     desired: Desired
-    context: HostContext
-    budget: StepBudget
+    context: StepContext
     difference: Difference
     allowed: tuple[Change, ...]
     held_back: tuple[HeldBack, ...]
@@ -51,13 +50,13 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     hosts, findings = desired_hosts(request, {observed.facts.name: observed})
     assert hosts, findings
     desired = hosts[observed.facts.name]
+    present = partitions_present(request, {observed.facts.name: observed})
     builds = {partition.id: guest_build for partition in observed.partitions}
-    context = replace(context_of(request, desired), guest_builds=builds)
-    budget = budget_of(request, desired, context, partitions_present(request, {observed.facts.name: observed}))
+    context = replace(context_of(request, desired, present), guest_builds=builds)
     difference = compare(desired.state, observed, system.application.name, context, rules_of(request, desired))
-    allowed, held_back = hold_back(difference.changes, budget)
-    ordered = order(plan_changes(allowed, context), budget)
-    return Route(desired, context, budget, difference, allowed, held_back, ordered)
+    allowed, held_back = hold_back(difference.changes, context)
+    ordered = order(plan_changes(allowed, context), context)
+    return Route(desired, context, difference, allowed, held_back, ordered)
 
 
 def a_request(system: System, limit: Disruption | None = None, /, **asked: object) -> PlanRequest:

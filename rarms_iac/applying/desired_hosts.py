@@ -10,7 +10,7 @@ from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_ro
 from rarms_iac.diff.compare import machine_in_the_way
 from rarms_iac.diff.partition_steps import judge_disks
 from rarms_iac.diff.readings import count_disks
-from rarms_iac.diff.step_context import NO_CLAIM, HostContext, ManifestRules, StepBudget, claim_of
+from rarms_iac.diff.step_context import NO_CLAIM, ManifestRules, StepContext, claim_of
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.commands import prose
@@ -101,8 +101,15 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
     )
 
 
-def context_of(request: PlanRequest, desired: Desired) -> HostContext:
-    """Make what the steps of a host depend on beside the two states: its guests, disks and grace periods."""
+def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> StepContext:
+    """Make what the steps of a host depend on beside the changes: capacity, guests, disks, grace periods and limits.
+
+    Args:
+        present: by host that was looked at, as of `partitions_present`.
+
+    Returns:
+        The context; what the plan does not remove from another host, it does not make on this one.
+    """
     system, seen, observed = request.system, desired.seen, desired.seen.state
     graces = {name: partition.stop.grace for name, partition in system.partitions.items()}
     stated = {name: partition.guest.windows_build or 0 for name, partition in system.partitions.items()}
@@ -112,8 +119,9 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
         builds[partition.id] = partition.guest_build or stated.get(name, 0)
         if partition.settings.running and not partition.can_be_asked:
             graces[name] = Milliseconds(Fraction(0))
-    return HostContext(
-        facts=observed.facts,
+    removes = request.limit is Disruption.REMOVAL
+    return StepContext(
+        seen=seen,
         guest_builds=builds,
         graces=graces,
         attached={partition.id: count_disks(observed, partition.id) for partition in observed.partitions},
@@ -121,31 +129,7 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
         disks=_removable_disks(system, observed) if request.remove_disks else {},
         making={partition.name: partition.making for partition in desired.partitions},
         criticality={partition.name: partition.criticality for partition in desired.partitions},
-    )
-
-
-def budget_of(
-    request: PlanRequest, desired: Desired, context: HostContext, present: Mapping[str, frozenset[str]]
-) -> StepBudget:
-    """Make the budget of a host before the first step: its capacity, the claims on it, and what may be disturbed.
-
-    Args:
-        request: of which manifest, with which limit, for which hosts.
-        present: by host that was looked at, as of `partitions_present`.
-
-    Returns:
-        The budget; what the plan does not remove from another host, it does not make on this one.
-    """
-    seen = desired.seen
-    removes = request.limit is Disruption.REMOVAL
-    return StepBudget(
-        capacity=seen.capacity,
-        foreign=seen.claims,
-        managed={partition.id: partition for partition in seen.own},
-        criticality=context.criticality,
         max_disruption=request.limit,
-        graces=context.graces,
-        forces=context.forces,
         remaining={
             partition.name: host
             for partition in desired.partitions

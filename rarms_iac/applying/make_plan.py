@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from rarms_iac.applying.desired_hosts import (
-    budget_of,
     context_of,
     desired_hosts,
     partitions_present,
@@ -25,7 +24,7 @@ from rarms_iac.diff.compare import compare
 from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.drift import part_digests
 from rarms_iac.diff.order import order
-from rarms_iac.diff.step_context import Difference, HostContext, ManifestRules
+from rarms_iac.diff.step_context import Difference, ManifestRules, StepContext
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
@@ -210,11 +209,10 @@ def _plan_host(
     request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]
 ) -> tuple[HostPlan, tuple[str, ...], tuple[Diagnostic, ...]]:
     """Return the plan of one host, the addresses of all that is there or wanted, and the findings about both."""
-    rules, context = rules_of(request, desired), context_of(request, desired)
+    rules, context = rules_of(request, desired), context_of(request, desired, present)
     difference = _difference(request, desired, context, rules)
-    budget = budget_of(request, desired, context, present)
-    allowed, held_back = hold_back(targeted(difference.changes, request.targets), budget)
-    ordered = order(plan_changes(allowed, context), budget)
+    allowed, held_back = hold_back(targeted(difference.changes, request.targets), context)
+    ordered = order(plan_changes(allowed, context), context)
     steps, stuck = ((), (ordered,)) if isinstance(ordered, Diagnostic) else (ordered, ())
     guests = _guest_tasks(request, desired, rules)
     host_plan = _host_plan(request, desired, difference, allowed, steps)
@@ -293,7 +291,7 @@ def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
     return tuple(sorted(mark.name for mark in wanted if mark.stopped_by is StoppedBy.USER))
 
 
-def _difference(request: PlanRequest, desired: Desired, context: HostContext, rules: ManifestRules) -> Difference:
+def _difference(request: PlanRequest, desired: Desired, context: StepContext, rules: ManifestRules) -> Difference:
     """Return the changes of the host for this purpose."""
     if request.purpose in {Purpose.APPLY, Purpose.DESTROY}:
         return compare(desired.state, desired.seen.state, request.application, context, rules)

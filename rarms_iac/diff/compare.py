@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rarms_iac.diff.compare_tasks import responsiveness_changes, task_changes
 from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
-from rarms_iac.diff.step_context import Difference, HostContext, ManagedMachines, ManifestRules, managed_machines
+from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRules, StepContext, managed_machines
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
@@ -19,7 +19,7 @@ from rarms_iac.model.wording import in_a_row, quoted
 
 
 def compare(
-    desired: State, observed: State, application: str, context: HostContext, rules: ManifestRules | None = None
+    desired: State, observed: State, application: str, context: StepContext, rules: ManifestRules | None = None
 ) -> Difference:
     """Find the changes that make the observed host the desired one.
 
@@ -62,7 +62,7 @@ def partition_changes(
     wanted: Mapping[str, Partition],
     managed: ManagedMachines,
     observed: State,
-    context: HostContext,
+    context: StepContext,
     rules: ManifestRules,
 ) -> Difference:
     """Return the changes of managed partitions; machines of others and marks that do not count are findings.
@@ -97,7 +97,7 @@ def partition_changes(
 
 
 def _partition_change(
-    name: str, after: Partition | None, before: Partition | None, context: HostContext, rules: ManifestRules
+    name: str, after: Partition | None, before: Partition | None, context: StepContext, rules: ManifestRules
 ) -> Change | Diagnostic | None:
     """Return the change of a partition, or why it cannot be made; None: nothing has to be changed."""
     address = Address(partition=name, machine=before.id if before else "")
@@ -111,7 +111,7 @@ def _partition_change(
     return None if _is_unchanged(before, after) else _update(address, before, after, context, rules)
 
 
-def _deletion(address: Address, before: Partition, context: HostContext, rules: ManifestRules) -> Delete | Diagnostic:
+def _deletion(address: Address, before: Partition, context: StepContext, rules: ManifestRules) -> Delete | Diagnostic:
     place, is_unnamed = rules.locate(address), address.partition in rules.unnamed
     if is_unnamed and before.mark is not None and before.mark.protected:
         return _protected_before(address.partition)
@@ -126,7 +126,7 @@ def _deletion(address: Address, before: Partition, context: HostContext, rules: 
 
 
 def _update(
-    address: Address, before: Partition, after: Partition, context: HostContext, rules: ManifestRules
+    address: Address, before: Partition, after: Partition, context: StepContext, rules: ManifestRules
 ) -> Update | Diagnostic:
     name, place = address.partition, rules.locate(address)
     disruption = disruption_of_update(before, after.settings, context)
@@ -152,7 +152,7 @@ def _is_unchanged(before: Partition, after: Partition) -> bool:
     return (before.mark.name, before.mark.written) == (after.mark.name, after.mark.written)
 
 
-def _describe_difference(before: Partition, after: Partition, context: HostContext) -> str:
+def _describe_difference(before: Partition, after: Partition, context: StepContext) -> str:
     changed = changed_facets(before.settings, after.settings)
     stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NO_USER
     if stopped_by is not StoppedBy.NO_USER and before.settings.running:

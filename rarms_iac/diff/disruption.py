@@ -6,7 +6,7 @@ Changes that disturb more than is allowed are held back, and with them those tha
 from collections.abc import Mapping, Sequence
 from math import ceil
 
-from rarms_iac.diff.step_context import NO_CLAIM, HostContext, StepBudget, claim_of
+from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing
@@ -38,7 +38,7 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> tuple
     return tuple(facet for facet in FACETS if differing(facet, before, after))
 
 
-def needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
+def needs_off(before: Partition, after: PartitionSettings, context: StepContext) -> bool:
     """Tell whether a setting changes for which the machine must be off.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
@@ -50,7 +50,7 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
     Returns:
         Whether it must be off; the answer does not depend on whether it runs.
     """
-    if context.facts.provider is ProviderKind.LINUX:
+    if context.seen.facts.provider is ProviderKind.LINUX:
         return False
     changed = {name for facet in FACETS for name in differing(facet, before.settings, after)}
     if changed & WHILE_OFF:
@@ -59,7 +59,7 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
     return bool(is_memory and why_memory_needs_off(before, after, context))
 
 
-def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:
+def why_memory_needs_off(before: Partition, after: PartitionSettings, context: StepContext) -> str:
     """Tell why memory cannot change while the machine runs (windows.md 3).
 
     Args:
@@ -68,12 +68,12 @@ def why_memory_needs_off(before: Partition, after: PartitionSettings, context: H
     Returns:
         The reason as part of a sentence; empty where memory changes live.
     """
-    host_since = WINDOWS_10 if context.facts.client else SERVER_2016
+    host_since = WINDOWS_10 if context.seen.facts.client else SERVER_2016
     guest_build = context.guest_builds.get(before.id, 0)
     if before.settings.dynamic_memory or after.dynamic_memory:
         return "it is dynamic, or was"
-    if context.facts.os_build < host_since:
-        return f"the host's Windows has build {context.facts.os_build}, and it takes {host_since}"
+    if context.seen.facts.os_build < host_since:
+        return f"the host's Windows has build {context.seen.facts.os_build}, and it takes {host_since}"
     if not guest_build:
         return "its guest tells no build of Windows, and `guest.windows_build` says none"
     if guest_build < WINDOWS_10:
@@ -81,7 +81,7 @@ def why_memory_needs_off(before: Partition, after: PartitionSettings, context: H
     return ""
 
 
-def stops(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
+def stops(before: Partition, after: PartitionSettings, context: StepContext) -> bool:
     """Tell whether the change stops the partition, for good or for a while.
 
     Args:
@@ -94,7 +94,7 @@ def stops(before: Partition, after: PartitionSettings, context: HostContext) -> 
     return running and (not after.running or needs_off(before, after, context))
 
 
-def disruption_of_update(before: Partition, after: PartitionSettings, context: HostContext) -> Disruption:
+def disruption_of_update(before: Partition, after: PartitionSettings, context: StepContext) -> Disruption:
     """How much a partition's change disturbs: removal, a stop, or nothing that runs.
 
     Args:
@@ -123,7 +123,7 @@ def disruption_of_task(inside: str) -> Disruption:
     return Disruption.PARTITION_STOP if inside else Disruption.HOST_RESTART
 
 
-def can_change_now(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
+def can_change_now(before: Partition, after: PartitionSettings, context: StepContext) -> bool:
     """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live.
 
     What a saved machine is given, it gets once it runs: so it must be wanted running.
@@ -149,15 +149,15 @@ _Held = dict[int, HeldBack]
 """By the position of the change."""
 
 
-def hold_back(changes: Sequence[Change], budget: StepBudget) -> tuple[tuple[Change, ...], tuple[HeldBack, ...]]:
-    """Split the changes at the budget's `max_disruption`.
+def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Change, ...], tuple[HeldBack, ...]]:
+    """Split the changes at the context's `max_disruption`.
 
     With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
     what it would have given back, the least critical first. A partition that stays on another host is not made here.
 
     Args:
         changes: those of one host, by address.
-        budget: what the host can promise, what it promises now, and how much may be disturbed.
+        context: what the host can promise, what it promises now, and how much may be disturbed.
 
     Returns:
         The changes that may be done, and those that may not, each in the given order.
@@ -168,11 +168,11 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> tuple[tuple[Chan
             why=f"--max-disruption {change.disruption.value} allows it",
         )
         for at, change in enumerate(changes)
-        if change.disruption.exceeds(budget.max_disruption)
+        if change.disruption.exceeds(context.max_disruption)
     }
-    held_back |= _changes_of_moves(changes, budget)
+    held_back |= _changes_of_moves(changes, context)
     while held_back:
-        more = {**_changes_without_name(changes, held_back), **_changes_without_capacity(changes, held_back, budget)}
+        more = {**_changes_without_name(changes, held_back), **_changes_without_capacity(changes, held_back, context)}
         if not more:
             break
         held_back = {**more, **held_back}
@@ -180,12 +180,12 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> tuple[tuple[Chan
     return allowed, tuple(held_back[at] for at in sorted(held_back))
 
 
-def _changes_of_moves(changes: Sequence[Change], budget: StepBudget) -> _Held:
+def _changes_of_moves(changes: Sequence[Change], context: StepContext) -> _Held:
     """Return what makes partitions here that would then be on two hosts."""
     return {
-        at: HeldBack(change=change, why=f"it is on {budget.remaining[name]}, and this plan does not remove it there")
+        at: HeldBack(change=change, why=f"it is on {context.remaining[name]}, and this plan does not remove it there")
         for at, change in enumerate(changes)
-        if (name := change.address.partition) in budget.remaining
+        if (name := change.address.partition) in context.remaining
     }
 
 
@@ -211,10 +211,10 @@ def _name_before(change: Change) -> str:
             return ""
 
 
-def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, budget: StepBudget) -> _Held:
+def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, context: StepContext) -> _Held:
     """Growth for which there is no capacity while what is held back keeps what it has."""
     pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held_back}
-    claims = {key: claim_of(partition) for key, partition in budget.managed.items()}
+    claims = {partition.id: claim_of(partition) for partition in context.seen.own}
     growing = []
     for at, (before, after) in pairs.items():
         if before.is_less_than(after):
@@ -222,13 +222,13 @@ def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, budge
         else:
             claims[_key(changes[at])] = after
     everything = {**claims, **{_key(changes[at]): pairs[at][1] for at in growing}}
-    if budget.fits(everything.values()):
+    if context.fits(everything.values()):
         return {}
     why = "it needs what a change that is held back would have given back"
     more: _Held = {}
-    for at in sorted(growing, key=lambda at: (-budget.rank(changes[at].address.partition)[0], changes[at].address)):
+    for at in sorted(growing, key=lambda at: (-context.rank(changes[at].address.partition)[0], changes[at].address)):
         claims_then = {**claims, _key(changes[at]): pairs[at][1]}
-        if budget.fits(claims_then.values()):
+        if context.fits(claims_then.values()):
             claims = claims_then
         else:
             more[at] = HeldBack(change=changes[at], why=why)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.diff.setting_steps import STARTS_ANEW
-from rarms_iac.diff.step_context import NO_CLAIM, StepBudget, claim_of, within
+from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of, within
 from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete
@@ -18,7 +18,7 @@ from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Disruption
 
 
-def order(planned: Sequence[PlannedChange], budget: StepBudget) -> tuple[Step, ...] | Diagnostic:
+def order(planned: Sequence[PlannedChange], context: StepContext) -> tuple[Step, ...] | Diagnostic:
     """Put every step in one order; no prefix promises more than the host, or than what is promised already.
 
     First what gives back (removals, stops, smaller values), the least critical first; then what takes, the most
@@ -27,14 +27,14 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> tuple[Step, .
 
     Args:
         planned: the changes of one host with their steps; the order of steps within a change is kept.
-        budget: what the host can promise, what it promises before the first step, and how much may be disturbed.
+        context: what the host can promise, what it promises before the first step, and how much may be disturbed.
 
     Returns:
         Every step once, or the finding on a deadlock where `max_disruption` forbids the stop that would break it.
     """
     moves, rest = mark_moves(planned)
     on_host = [change for change in rest if not change.change.address.is_in_guest]
-    walk = _Walk(budget=budget, queue=[list(change.steps) for change in on_host], plans=on_host)
+    walk = _Walk(context=context, queue=[list(change.steps) for change in on_host], plans=on_host)
     walk.done = list(moves)
     walk.run_releasing_steps()
     result = walk.run_the_rest()
@@ -50,7 +50,7 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> tuple[Step, .
 class _Walk:
     """The walk through all steps: those that are done, those that wait, and what is promised meanwhile."""
 
-    budget: StepBudget
+    context: StepContext
     queue: list[list[Step]]  # the remaining steps of each change
     plans: list[PlannedChange]
     done: list[Step] = field(default_factory=list)
@@ -62,10 +62,10 @@ class _Walk:
     restarts: list[Step] = field(default_factory=list)  # of partitions that were stopped to make room
 
     def __post_init__(self) -> None:
-        self.claims = {_machine_key(key): claim_of(partition) for key, partition in self.budget.managed.items()}
-        everything = (*self.budget.foreign, *self.claims.values())
+        self.claims = {_machine_key(partition.id): claim_of(partition) for partition in self.context.seen.own}
+        everything = (*self.context.seen.claims, *self.claims.values())
         self.start = self.now = load_of(everything)
-        self.packed_at_start = packs(everything, self.budget.capacity)
+        self.packed_at_start = packs(everything, self.context.seen.capacity)
 
     def run_releasing_steps(self) -> None:
         """Every step that takes nothing, as far as each change's own order lets it."""
@@ -75,7 +75,7 @@ class _Walk:
                 self._do(steps.pop(0))
 
     def run_the_rest(self) -> tuple[Step, ...] | Diagnostic:
-        """Return the other steps, as the budget allows; and a stop where it does not."""
+        """Return the other steps, as the context allows; and a stop where it does not."""
         while True:
             self._run_fitting_steps()
             waiting = [at for at in range(len(self.queue)) if self.queue[at]]
@@ -86,7 +86,7 @@ class _Walk:
         for start in sorted(self.restarts, key=lambda step: self._most_critical_first(step.address.partition)):
             if not self._is_allowed(start):
                 names = tuple(sorted(self.stopped))
-                return _deadlock(names, self.budget.max_disruption, may_stop=False)
+                return _deadlock(names, self.context.max_disruption, may_stop=False)
             self._do(start)
         return tuple(self.done)
 
@@ -108,7 +108,7 @@ class _Walk:
                 final[_key(step)] = step.claim_after
         growing = all(within(step.claim_after, final[_key(step)]) for steps in self.queue for step in steps)
         unchanged = all(within(claim, final[key]) for key, claim in self.claims.items())
-        return growing and unchanged and self.budget.fits(final.values())
+        return growing and unchanged and self.context.fits(final.values())
 
     def _do(self, step: Step) -> None:
         self.now = self._load_after(step)
@@ -125,27 +125,27 @@ class _Walk:
     def _is_allowed(self, step: Step) -> bool:
         if not step.claim_before.is_less_than(step.claim_after):
             return True
-        load, capacity = self._load_after(step), self.budget.capacity
+        load, capacity = self._load_after(step), self.context.seen.capacity
         if load.percent > 100 * capacity.processors and load.percent > self.start.percent:
             return False
         if load.memory > capacity.memory and load.memory > self.start.memory:
             return False
         claims = {**self.claims, _key(step): step.claim_after}
-        return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity)
+        return not self.packed_at_start or packs((*self.context.seen.claims, *claims.values()), capacity)
 
     def _stop_least_critical(self, waiting: list[int]) -> Diagnostic | None:
         """Stop the least critical running partition that waits; the deadlock where there is none, or none may stop."""
         running = [at for at in waiting if self.claims.get(_key(self.queue[at][0]), NO_CLAIM) != NO_CLAIM]
         names = tuple(sorted({self.queue[at][0].address.partition for at in waiting}))
-        if not running or Disruption.PARTITION_STOP.exceeds(self.budget.max_disruption):
-            return _deadlock(names, self.budget.max_disruption, may_stop=bool(running))
-        at = min(running, key=lambda at: self.budget.rank(self.queue[at][0].address.partition))
+        if not running or Disruption.PARTITION_STOP.exceeds(self.context.max_disruption):
+            return _deadlock(names, self.context.max_disruption, may_stop=bool(running))
+        at = min(running, key=lambda at: self.context.rank(self.queue[at][0].address.partition))
         partition = self.queue[at][0].address.partition
         others = [name for name in names if name != partition]
         with_others = f" beside {', '.join(others)}" if others else ""
         why = f"no order of the steps{with_others} keeps within the host, and it is the least critical of them"
         stop_and_start = stop_and_restart(
-            self.queue[at], why, grace_ms(self.budget.graces, partition), forces=self.budget.forces
+            self.queue[at], why, grace_ms(self.context.graces, partition), forces=self.context.forces
         )
         self._do(stop_and_start.stop)
         self.queue[at] = list(stop_and_start.between)
@@ -155,14 +155,14 @@ class _Walk:
 
     def _releasing_first(self, at: int) -> tuple[int, int, str, str]:
         change = self.plans[at].change
-        return (_rank(change), *self.budget.rank(change.address.partition), change.address.task)
+        return (_rank(change), *self.context.rank(change.address.partition), change.address.task)
 
     def _taking_first(self, at: int) -> tuple[int, str, str]:
         address = self.plans[at].change.address
         return (*self._most_critical_first(address.partition), address.task)
 
     def _most_critical_first(self, partition: str) -> tuple[int, str]:
-        criticality, name = self.budget.rank(partition)
+        criticality, name = self.context.rank(partition)
         return -criticality, name
 
 

@@ -26,7 +26,7 @@ from rarms_iac.diff.setting_steps import (
     start_step,
     stop_step,
 )
-from rarms_iac.diff.step_context import NO_CLAIM, HostContext, claim_of
+from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.facets import FACETS, Facet
 from rarms_iac.model.layout import Making
@@ -44,7 +44,7 @@ from rarms_iac.model.state import Disk, DiskKind, Partition, PartitionSettings, 
 from rarms_iac.model.system import Disruption
 
 
-def create_partition(address: Address, after: Partition, reason: Reason, context: HostContext) -> Iterator[Step]:
+def create_partition(address: Address, after: Partition, reason: Reason, context: StepContext) -> Iterator[Step]:
     """Make a partition under its pending name, mark it, set everything, rename it last, and start it.
 
     Args:
@@ -118,7 +118,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
 
 
 def update_partition(
-    address: Address, before: Partition, after: Partition, reason: Reason, context: HostContext
+    address: Address, before: Partition, after: Partition, reason: Reason, context: StepContext
 ) -> Iterator[Step]:
     """Bring a partition to its wanted settings, stopping it only where something cannot change live and it runs.
 
@@ -184,7 +184,7 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
     yield mark_step(builder, replace(mark, name=name), why)
 
 
-def remove_partition(address: Address, before: Partition, reason: Reason, context: HostContext) -> Iterator[Step]:
+def remove_partition(address: Address, before: Partition, reason: Reason, context: StepContext) -> Iterator[Step]:
     """Stop a machine where it runs or is paused, and remove it. Its disks stay, unless their removal was asked for.
 
     Args:

@@ -14,7 +14,7 @@ from rarms_iac.diff.partition_steps import (
     update_partition,
 )
 from rarms_iac.diff.readings import record_readings, values_readings
-from rarms_iac.diff.step_context import NO_CLAIM, HostContext
+from rarms_iac.diff.step_context import NO_CLAIM, StepContext
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Reason, Release, Update
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import BETWEEN
@@ -40,7 +40,7 @@ class PlannedChange:
     steps: tuple[Step, ...]
 
 
-def plan_changes(changes: Iterable[Change], context: HostContext) -> tuple[PlannedChange, ...]:
+def plan_changes(changes: Iterable[Change], context: StepContext) -> tuple[PlannedChange, ...]:
     """Give each change its steps.
 
     Args:
@@ -53,7 +53,7 @@ def plan_changes(changes: Iterable[Change], context: HostContext) -> tuple[Plann
     return tuple(PlannedChange(change=change, steps=steps_for(change, context)) for change in changes)
 
 
-def steps_for(change: Change, context: HostContext) -> tuple[Step, ...]:
+def steps_for(change: Change, context: StepContext) -> tuple[Step, ...]:
     """Find what has to be done for a change, in its own order: what gives something back comes first.
 
     Args:
@@ -66,7 +66,7 @@ def steps_for(change: Change, context: HostContext) -> tuple[Step, ...]:
     return tuple(_steps(change, context))
 
 
-def _steps(change: Change, context: HostContext) -> Iterator[Step]:
+def _steps(change: Change, context: StepContext) -> Iterator[Step]:
     address, reason = change.address, change.reason
     match change:
         case Create(after=Partition() as after):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.step_context import StepBudget, claim_of
+from rarms_iac.diff.step_context import StepContext, claim_of
 from rarms_iac.model.capacity import foreign_claims, packs
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.host import SchedulerType
@@ -170,20 +170,20 @@ def test_changed_manifest_is_reached_without_overpromising(data: st.DataObject, 
     passed = walker.walk(plan.steps)
 
     for state in passed:
-        never_more(state, middle, plan.budget)
+        never_more(state, middle, plan.context)
     again = route(second, walker.state)
     assert again.difference.changes == []
     assert set(again.difference.unused) == set(again.desired.unused)
     assert strangers_of(walker.state) == others
 
 
-def never_more(state: State, start: State, budget: StepBudget) -> None:
+def never_more(state: State, start: State, context: StepContext) -> None:
     before = [*foreign_claims(start, "robot"), *map(claim_of, start.of("robot").partitions)]
     now = [*foreign_claims(state, "robot"), *map(claim_of, state.of("robot").partitions)]
     most, load = load_of(before), load_of(now)
-    assert load.percent <= 100 * budget.capacity.processors or load.percent <= most.percent
-    assert load.memory <= max(budget.capacity.memory, most.memory)
-    assert packs(now, budget.capacity) or not packs(before, budget.capacity)
+    assert load.percent <= 100 * context.seen.capacity.processors or load.percent <= most.percent
+    assert load.memory <= max(context.seen.capacity.memory, most.memory)
+    assert packs(now, context.seen.capacity) or not packs(before, context.seen.capacity)
 
 
 @given(st.data(), systems())

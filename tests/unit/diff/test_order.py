@@ -3,18 +3,19 @@ from fractions import Fraction
 
 from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.order import order
-from rarms_iac.diff.step_context import StepBudget
+from rarms_iac.diff.step_context import StepContext
 from rarms_iac.diff.steps import PlannedChange
-from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.operations import call_name, set_to
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
+from rarms_iac.model.quantities import Percent, ShareOfHost
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import CpuRequest, Disruption, System
-from tests.builders import a_component, a_host, a_system
+from tests.builders import a_component, a_host, a_mark, a_system
+from tests.builders_plan import facts
 from tests.planning import route
 from tests.pure_host import PureHost
 from tests.strategies import MIB, empty_state, some_settings
@@ -63,7 +64,8 @@ def test_disruptive_change_holds_back_dependent_growth() -> None:
 
 def running(name: str, reserve: int, memory: int) -> Partition:
     settings = replace(some_settings(name), reserve=reserve, memory=memory * MIB, running=True)
-    return Partition(settings=settings, id=f"id-{name}", state=RunState.RUNNING)
+    mark = a_mark(f"id-{name}", "robot", name, "0" * 12)
+    return Partition(settings=settings, id=f"id-{name}", state=RunState.RUNNING, mark=mark)
 
 
 def claim(reserve: int, memory: int) -> Claim:
@@ -92,7 +94,7 @@ def step(partition: Partition, before: Claim, after: Claim) -> Step:
     )
 
 
-def crossed() -> tuple[list[PlannedChange], StepBudget]:
+def crossed() -> tuple[list[PlannedChange], StepContext]:
     """Two full partitions; each first takes what the other gives only afterwards, so that no order fits."""
     vision, speech = running("vision", 80, 100), running("speech", 20, 900)
     taken = [
@@ -111,18 +113,17 @@ def crossed() -> tuple[list[PlannedChange], StepBudget]:
             (speech, (step(speech, claim(20, 900), claim(80, 900)), step(speech, claim(80, 900), claim(80, 100)))),
         ]
     ]
-    budget = StepBudget(
-        capacity=Capacity(logical_processors=1, processors=LogicalProcessors(Fraction(1)), memory=Bytes(1000 * MIB)),
-        managed={partition.id: partition for partition in (vision, speech)},
-        criticality={"vision": 2, "speech": 1},
-    )
-    return taken, budget
+    state = State(facts=facts(logical_processors=1, ram="1000 MiB"), partitions=(vision, speech))
+    host = a_host(logical_processors=1, memory="1000 MiB")
+    seen = SeenHost(host=host, application="robot", state=state)
+    context = StepContext(seen=seen, criticality={"vision": 2, "speech": 1})
+    return taken, context
 
 
 def test_least_critical_stops_when_no_order_fits() -> None:
-    taken, budget = crossed()
+    taken, context = crossed()
 
-    found = order(taken, budget)
+    found = order(taken, context)
 
     assert not isinstance(found, Diagnostic), found
     assert [(step.address.partition, call_name(step.operation)) for step in found] == [
@@ -134,13 +135,13 @@ def test_least_critical_stops_when_no_order_fits() -> None:
         ("speech", "start_partition"),
     ]
     assert "least critical" in found[0].comment
-    assert never_over(found, budget)
+    assert never_over(found, context)
 
 
-def never_over(steps: tuple[Step, ...], budget: StepBudget) -> bool:
+def never_over(steps: tuple[Step, ...], context: StepContext) -> bool:
     claims = {
-        key: claim(partition.settings.reserve, partition.settings.memory // MIB)
-        for key, partition in budget.managed.items()
+        partition.id: claim(partition.settings.reserve, partition.settings.memory // MIB)
+        for partition in context.seen.own
     }
     for step in steps:
         assert claims[step.address.machine] == step.claim_before, f"{step.address} {step.title}"
@@ -151,9 +152,9 @@ def never_over(steps: tuple[Step, ...], budget: StepBudget) -> bool:
 
 
 def test_unbreakable_cycle_is_named() -> None:
-    taken, budget = crossed()
+    taken, context = crossed()
 
-    found = order(taken, replace(budget, max_disruption=Disruption.LIVE))
+    found = order(taken, replace(context, max_disruption=Disruption.LIVE))
 
     assert isinstance(found, Diagnostic)
     assert found.values["partitions"] == ("speech", "vision")
@@ -162,6 +163,6 @@ def test_unbreakable_cycle_is_named() -> None:
 
 
 def test_nothing_is_held_back_where_all_is_allowed() -> None:
-    taken, budget = crossed()
+    taken, context = crossed()
 
-    assert hold_back([planned.change for planned in taken], budget)[1] == ()
+    assert hold_back([planned.change for planned in taken], context)[1] == ()

@@ -3,13 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from rarms_iac.diff.step_context import HostContext
+from rarms_iac.diff.step_context import StepContext
 from rarms_iac.diff.steps import steps_for
 from rarms_iac.model.changes import Adopt, Change, Create, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.state import Mark, Partition, TaskClass, TaskRecord
+from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.state import Mark, Partition, State, TaskClass, TaskRecord
 from tests import builders_plan as build
+from tests.builders import a_host
 
 
 def marked(of: Partition, written: str = "a" * 12) -> Partition:
@@ -69,7 +71,8 @@ def rendered_plan(
         "planning": Making(image=image, vm_path="D:\\vms"),
         "video": Making(switch="lab \u2018net\u2019"),
     }
-    context = HostContext(facts=build.facts(), making=making)
+    seen = SeenHost(host=a_host(), application="robot", state=State(facts=build.facts()))
+    context = StepContext(seen=seen, making=making)
     steps = [step for change in wanted for step in steps_for(change, context)]
     on = build.host_plan(changes=wanted, steps=steps)
     return on, build.plan(on)
