@@ -70,7 +70,9 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     reserved = {host["name"]: host["totals"]["reserved_lp"] for host in planned["hosts"]}
     free = {host["name"]: host["totals"]["free_lp"] for host in status["hosts"]}
     assert sum(reserved.values()) > 0
-    assert {host["name"]: host["totals"]["promised"]["reserved_lp"] for host in status["hosts"]} == pytest.approx(reserved)
+    assert {host["name"]: host["totals"]["promised"]["reserved_lp"] for host in status["hosts"]} == pytest.approx(
+        reserved
+    )
     assert {name: host["free_lp"] for name, host in selected["totals"].items()} == pytest.approx(free)
     for capacity in report["capacities"]:
         assert capacity["reserved_lp"] == pytest.approx(sum(reserved[name] for name in capacity["hosts"]))
