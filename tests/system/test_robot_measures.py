@@ -84,7 +84,7 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     assert ran.code == 0, ran.err
     measured = robot.run(*MEASURE)
     assert measured.code == 0, measured.err
-    assert "eyes beside busy-loop on here: 2 to 3 settings" in " ".join(measured.err.split()), "progress of the robot"
+    assert "eyes with busy-loop on here: 2 to 3 settings" in " ".join(measured.err.split()), "progress of the robot"
     (experiment,) = json.loads(measured.out)["experiments"]
     log = read_log(Path(experiment["log"]))
     assert Path(experiment["log"]).is_relative_to(robot.here)
