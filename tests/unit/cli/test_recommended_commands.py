@@ -504,7 +504,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a script cannot be read": (
         given(MANIFEST, write("exit", "a.ps1")),
-        Ask("show --check a.ps1", "and write it again", "show --script --out FOLDER"),
+        Ask("show --check a.ps1", "or write it again", "show --script --out FOLDER"),
     ),
 }
 
