@@ -75,16 +75,19 @@ def test_a_value_that_another_tool_wrote_is_seen(
 
 
 def test_after_reboot_partitions_are_off_and_start(host: LinuxHostProvider, tmp_path: Path) -> None:
+    host.execute(set_to("vision", start_action="start"), SCOPE)
     groups_of(tmp_path).remove("vision")
     restarted = open_linux(builders.a_host(), tmp_path, boot="another start")
 
     (partition,) = restarted.observe().partitions
     assert not partition.settings.running
     assert partition.mark is not None
+    assert [finding.code for finding in restarted.examined("robot").findings] == ["RARMS316", "RARMS317"]
     restarted.execute(StartPartition(partition="vision"), SCOPE)
 
     assert restarted.read(VISION, SCOPE)["running"] is True
     assert restarted.read(VISION, SCOPE)["reserve"] == 40
+    assert [finding.code for finding in restarted.examined("robot").findings] == ["RARMS317"]
 
 
 def test_foreign_group_is_unmanaged_until_imported(host: LinuxHostProvider, tmp_path: Path) -> None:

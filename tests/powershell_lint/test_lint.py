@@ -78,6 +78,21 @@ def test_a_script_that_measures() -> None:
     assert problems(script.decode("ascii")) == []
 
 
+@pytest.mark.parametrize(
+    ("script", "line", "reason"),
+    [
+        (b"$x = 1\r\n$y = '\xe9'\r\n", 2, "0xe9 is not printable ASCII"),
+        (b"$x = 1\r\n$y = 2\n", 2, "does not end with CR LF"),
+        (b"$x = (1\r\n", 1, "grammar"),
+    ],
+)
+def test_unreadable_script_names_its_line(script: bytes, line: int, reason: str) -> None:
+    (found,) = unreadable(script, "cell.ps1")
+
+    assert (found.code, found.place and found.place.line) == ("RARMS201", line)
+    assert reason in found.detail
+
+
 def test_the_module() -> None:
     assert problems(template_text("Rarms/Rarms.psm1")) == []
     assert problems(module_text(ScriptForm.MODULE) + "\n$rarms\n") == []

@@ -120,6 +120,7 @@ def test_run_that_no_version_can_finish_is_reported(robot: Robot) -> None:
     robot.begin("0.9")
     (unknown,) = robot.install("2.0").still_open
     assert (unknown.version, unknown.said) == ("0.9", "")
+    assert install._still_open("onboard", unknown).code == "RARMS417"
     assert (
         "rarms 0.9 began the run of plan p-1 and did not finish it. rarms 0.9 is not installed there."
         in install._still_open("onboard", unknown).detail

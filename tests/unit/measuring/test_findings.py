@@ -27,6 +27,7 @@ from rarms_iac.storage.datalog.log import Provenance, Recorded
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting
 from tests.fluid import without_scheduler
+from tests.measuring import leave_logs
 from tests.unit.cli.running import Ran, rarms
 from tests.unit.measuring import test_prove, test_tune
 
@@ -188,6 +189,7 @@ def test_unsteady_despite_many_samples_needs_no_time(samples: int, more_time: bo
     (less,) = findings_of(experiment, enough, (setting,), first_line(""))
     (none,) = findings_of(experiment, NotResolved(reason="no steady state"), (setting,), first_line(""))
 
+    assert none.code == "RARMS112"
     assert "Look for what grows" in str(less.advice)
     assert ("setting: 30 min" in str(none.advice)) == ("setting: 30 min" in str(less.advice)) == more_time
 
@@ -405,6 +407,19 @@ def test_tune_names_work_outside_and_kills(here: Path, monkeypatch: pytest.Monke
 
     assert "RARMS393" in ran.err
     assert "RARMS394" in ran.err
+
+
+def test_tuning_without_answer_says_why(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "rarms.yaml").write_text(test_tune.MANIFEST, encoding="utf-8")
+    leave_logs(here, {"vision": 45, "paths": 40, "video": 30})
+    failed = TooManyFailures(component="vision", failures=("no answer within 60 s",), allowed=0)
+    monkeypatch.setattr("rarms_iac.measuring.setting_run.watch", lambda *_, **_more: failed)
+
+    ran = rarms("tune")
+
+    assert ran.code == 4
+    assert "error[RARMS310]" in ran.err
+    assert "no answer within 60 s" in " ".join(ran.err.split())
 
 
 def test_memory_is_advised_where_memory_kills(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

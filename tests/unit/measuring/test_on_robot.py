@@ -2,6 +2,7 @@
 
 import json
 import sys
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from rarms_iac.app.hosts import Hosts, load
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.measuring.on_robot import ExperimentJob, different_files
 from rarms_iac.measuring.tune import TunedThere, TuneRequest, TuningResult, UnattendedTuning, tune_components
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.providers.channel import ProgramChannel
@@ -131,3 +133,25 @@ def test_no_other_file_is_written(tmp_path: Path) -> None:
         tune_components(robot_says(tmp_path, file=str(other)))
 
     assert not other.exists()
+
+
+def test_files_that_differ_on_robot_are_named() -> None:
+    job = ExperimentJob(
+        texts=(),
+        today=date(2026, 11, 29),
+        folder="/opt/robot",
+        files={"ears": "1", "eyes": "2", "legs": "3"},
+        logs={},
+        hosts=("onboard",),
+        others={},
+        may_stop=False,
+        request={},
+    )
+
+    found = different_files("onboard", job, {"eyes": "0", "legs": "3"})
+
+    assert [each.code for each in found] == ["RARMS411"] * 2
+    assert [each.detail for each in found] == [
+        "ears is missing in /opt/robot on onboard.",
+        "eyes differs in /opt/robot on onboard.",
+    ]
