@@ -261,7 +261,7 @@ STARTS: Final = 8
 RESTART_WINDOWS: Final = 5
 """After a further start so many windows of the scheduler are left out, not the `MEMORY_FACTOR` of the first.
 
-What settles then is the load alone (`benchmarks/starts.py`). With three a P1 of one processor beside a P2 of
+What settles then is the load alone. With three a P1 of one processor beside a P2 of
 two got 24.8 % where it reserves 23.
 """
 
