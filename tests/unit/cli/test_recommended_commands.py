@@ -574,7 +574,7 @@ NOT_RECOMMENDED = (
     "A proof (`rarms prove`), with all of its loads together.",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",
-    "`rarms measure` creates and removes partitions with the names",
+    "`rarms measure` creates and removes a partition with the name",
     "`rarms apply` starts scripts with a policy of their own and is not concerned",
     "nothing brings it back, `rarms undo` neither",
     "`rarms undo` and the undo script leave this as it is",
