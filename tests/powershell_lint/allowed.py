@@ -105,10 +105,10 @@ MEMBERS = READING_MEMBERS | words(
     CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
     Number EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
-    BoundParameters MyInvocation Robot Set SetLength
+    BoundParameters MyInvocation Purpose Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     Row UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
-    application history robot serials set started_at started_by status touched
+    application history purpose robot serials set started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
     Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
