@@ -18,15 +18,17 @@ from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_from_states, plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.diff.disruption import grace_ms
+from rarms_iac.diff.step_context import claim_of
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.findings import OCCUPIED, UNABLE
 from rarms_iac.measuring.partitions import MEASURING, remove_test_partitions
-from rarms_iac.model.capacity import capacity_of, fits
+from rarms_iac.model.capacity import capacity_of, fits, foreign_claims
 from rarms_iac.model.commands import START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
@@ -95,6 +97,9 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
             host = session.hosts.open_to_measure(name)
             assert host is not None, "only hosts that can be measured on are chosen"
             locks.enter_context(host.lock(owner(), session.lock_timeout_ms))
+            # A run may have begun, and been killed, while the lock was waited for.
+            if isinstance(host, StepwiseMeasuringHost) and (run := host.unfinished()) is not None:
+                raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, run)])
             if removed := remove_test_partitions(host):
                 session.control.reporter.message(f"{name}: {' and '.join(removed)}. Earlier results are kept and used.")
             held[name] = host
@@ -165,9 +170,11 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
     Raises:
         UseCaseError: Without consent, or they cannot be stopped (refused or failed).
     """
-    names = own_running(host.observe(), session.application)
+    state = host.observe()
+    names = own_running(state, session.application)
     if not names:
         return
+    _refuse_without_return(session, host, state, names)
     if not session.control.consents(host.name, names):
         raise UseCaseError(
             Outcome.REFUSED,
@@ -192,6 +199,32 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
     stop_to_measure(session.hosts, host, names)
     message = f"{host.name}: stopped {in_a_row(names)} to measure. They start again afterwards."
     session.control.reporter.message(message)
+
+
+def _refuse_without_return(
+    session: MeasuringSession, host: MeasuringHost, state: State, names: tuple[str, ...]
+) -> None:
+    """Refuse to stop partitions that could not be started again: they run, and the host has less to promise since.
+
+    Raises:
+        UseCaseError: They have no room by the manifest (refused).
+    """
+    running = [each for each in state.of(session.application).partitions if each.settings.running]
+    if _have_room(session.hosts.system.hosts[host.name], state, session.application, running):
+        return
+    raise UseCaseError(
+        Outcome.REFUSED,
+        [
+            OCCUPIED.of_host(
+                host.name,
+                "On {host} these run, and could not be started again after measuring: {_names}. The host has no room "
+                "for them by the manifest.",
+                prose("See what is too much with ", command("plan"), ", and apply it before you measure."),
+                partitions=names,
+                _names=", ".join(names),
+            )
+        ],
+    )
 
 
 @contextmanager
@@ -260,7 +293,7 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
     state = host.observe()
     names = stopped_by_measurement(state, hosts.system.application.name)
     stopped = _by_criticality(hosts, state, names)[::-1]
-    if names and not _have_room(hosts.system.hosts[host.name], state, stopped):
+    if names and not _have_room(hosts.system.hosts[host.name], state, hosts.system.application.name, stopped):
         raise UseCaseError(Outcome.REFUSED, [_still_stopped(host.name, names, " The host has no room for them now.")])
     try:
         if names and isinstance(host, ScriptedMeasuringHost):
@@ -295,10 +328,14 @@ def _by_criticality(hosts: Hosts, state: State, names: Collection[str]) -> list[
     return sorted(own, key=lambda each: (criticality.get(each.shown_name, 0), each.shown_name))
 
 
-def _have_room(host: Host, state: State, stopped: Sequence[Partition]) -> bool:
-    """Tell whether the host can keep its promises to these partitions and to all that count there already."""
-    others = [each.claim for each in state.partitions if each.claims_resources and each not in stopped]
-    return fits(capacity_of(host, state.facts), (*others, *(each.claim for each in stopped)))
+def _have_room(host: Host, state: State, application: str, to_run: Sequence[Partition]) -> bool:
+    """Tell whether the host can keep its promises to these partitions and to all that run there.
+
+    Other partitions of the application count only while they run, as when `rarms start` starts these.
+    """
+    own = [claim_of(each) for each in state.of(application).partitions if each not in to_run]
+    claims = (*foreign_claims(state, application), *own, *(each.claim for each in to_run))
+    return fits(capacity_of(host, state.facts), claims)
 
 
 def _set_mark(host: StepwiseMeasuringHost, partition: Partition, stopped_by: StoppedBy) -> None:

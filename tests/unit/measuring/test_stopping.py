@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring import measure
+from rarms_iac.measuring import measure, session
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.robots import a_measured, a_robot_of
@@ -117,8 +117,7 @@ def _stopped_and_out_of_room(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as kill:
         kill.setattr(measure, "starting_again", _killed)
         assert rarms(*SWEEP, "--stop-partitions").code == 0
-    less = MANIFEST.replace("memory: 4 GiB }", "memory: 4 GiB, keep_for_host: { processor: 50 % } }")
-    Path("rarms.yaml").write_text(less, encoding="utf-8")
+    keep_half_for_the_host()
 
 
 STOPPED = {"speech": (False, StoppedBy.MEASUREMENT), "vision": (False, StoppedBy.MEASUREMENT)}
@@ -152,6 +151,63 @@ def test_what_the_user_stopped_stays_stopped() -> None:
     assert rarms(*SWEEP, "--stop-partitions").code == 0
 
     assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
+
+
+def test_stop_overrules_a_killed_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_hand = MANIFEST + "partitions: { speech: { start: manual } }\n"
+    Path("rarms.yaml").write_text(by_hand, encoding="utf-8")
+    assert rarms("apply", "--auto-approve").code == 0
+    with monkeypatch.context() as kill:
+        kill.setattr(measure, "starting_again", _killed)
+        assert rarms(*SWEEP, "--stop-partitions").code == 0
+
+    assert rarms("stop", "speech", "--auto-approve").code == 0
+    assert rarms(*SWEEP).code == 0
+
+    assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
+
+
+def keep_half_for_the_host() -> None:
+    less = MANIFEST.replace("memory: 4 GiB }", "memory: 4 GiB, keep_for_host: { processor: 50 % } }")
+    Path("rarms.yaml").write_text(less, encoding="utf-8")
+
+
+SMALL_SWEEP = ("measure", "vision", "--from", "20%", "--to", "30%", "--stop-partitions")
+
+
+def test_nothing_stops_without_room_to_return() -> None:
+    keep_half_for_the_host()
+
+    refused = rarms(*SMALL_SWEEP)
+
+    assert refused.code == 3, refused.err
+    assert "error[RARMS115]" in refused.err
+    assert "could not be started again after measuring: speech, vision." in " ".join(refused.err.split())
+    assert machines() == RUNNING
+
+
+def test_partition_of_the_user_takes_no_room() -> None:
+    assert rarms("stop", "speech", "--auto-approve").code == 0
+    keep_half_for_the_host()
+
+    assert rarms(*SMALL_SWEEP).code == 0
+
+    assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
+
+
+def test_run_killed_meanwhile_is_not_measured_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    def kill_a_run(_: object) -> None:
+        """As one that began while the measurement waited for the lock."""
+        journal = Path(".rarms", "hosts", "onboard.journal.jsonl")
+        journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:-1]))
+
+    monkeypatch.setattr(session, "refuse_unfinished", kill_a_run)
+
+    refused = rarms(*SWEEP, "--stop-partitions")
+
+    assert refused.code == 3, refused.err
+    assert "error[RARMS183]" in refused.err
+    assert machines() == RUNNING
 
 
 def test_remaining_time_is_told_after_some_settings() -> None:
