@@ -56,10 +56,14 @@ def _stop_changes(state: State, request: PlanRequest, locate: Locator) -> Iterat
         after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
             yield not_at_rest(address, before.state, locate(address))
-        elif before.settings.running or (
-            before.mark != after.mark and before.settings.start_action is not StartAction.NOTHING
-        ):
+        elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
             yield _update(address, before, after, "rarms stop", locate)
+
+
+def _is_wanted_running(partition: Partition) -> bool:
+    """Tell whether something starts it: rarms, its host, or the end of the measurement that stopped it."""
+    is_measured = partition.mark is not None and partition.mark.stopped_by is StoppedBy.MEASUREMENT
+    return is_measured or partition.settings.start_action is not StartAction.NOTHING
 
 
 def _start_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
