@@ -554,7 +554,6 @@ OTHER_TESTS = {
     "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Look at the host again: `rarms plan`": "another tool changed a partition",
-    "`rarms plan` shows what is wanted": "all partitions were stopped",
     "Measure the parts again (": "it was measured beside what runs on the host",
     "More samples may show it. ": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
@@ -627,9 +626,15 @@ def text_of(node: ast.AST) -> str:
             return "".join(str(part.value) if isinstance(part, ast.Constant) else ast.unparse(part) for part in parts)
         case ast.Call(func=ast.Name(id="prose"), args=parts):
             return "".join(map(text_of, parts))
-        case ast.Name(id=name) if isinstance(known := getattr(commands, name, None), commands.RecommendedCommand):
+        case ast.Name(id=name) | ast.Attribute(value=ast.Name(id="commands"), attr=name) if isinstance(
+            known := getattr(commands, name, None), commands.RecommendedCommand
+        ):
             return f"`{known.text}`"
-        case ast.Call(func=ast.Name(id="command"), args=arguments, keywords=options):
+        case ast.Call(
+            func=ast.Name(id="command") | ast.Attribute(value=ast.Name(id="commands"), attr="command"),
+            args=arguments,
+            keywords=options,
+        ):
             values = {str(option.arg): literal_or_text(option.value) for option in options}
             verb, *more = map(text_of, arguments)
             return f"`{commands.command(verb, *more, **values).text}`"
