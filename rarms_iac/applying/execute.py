@@ -104,7 +104,7 @@ def apply_plan(
                     run = _begin_or_resume(host, plan, host_plan, origin, journal)
                     report = run_steps(host, run, control)
                 case ScriptedHost():
-                    report = run_job(host, apply_job(plan.id, host_plan), control)
+                    report = run_job(host, apply_job(plan.id, host_plan, plan.purpose), control)
                     report = replace(report, hosts=tuple(replace(run, host_plan=host_plan) for run in report.hosts))
                 case _:
                     assert_never(host)

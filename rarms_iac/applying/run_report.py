@@ -9,7 +9,7 @@ from rarms_iac.model.changes import Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.plan import HostPlan, Step
+from rarms_iac.model.plan import HostPlan, Purpose, Step
 from rarms_iac.model.totals import Totals
 
 
@@ -34,6 +34,7 @@ class HostReport:
     changed: int
     unchanged: int
     total: int
+    purpose: Purpose = Purpose.APPLY  # of its plan
     resumed: bool = False  # it finished a run that had been begun earlier
     host_plan: Internal[HostPlan | None] = None  # of an apply that rarms walked: what its plan does, and to whom
 
@@ -96,6 +97,7 @@ class RunBegun:
     run: RunKind
     plan: str
     done: int
+    purpose: Purpose = Purpose.APPLY  # of its plan
     addresses: Sequence[str] = ()  # of the steps to come, in order; empty where only the script that runs knows them
     # By partition of the plan's layout, the most critical first; likewise.
     components: Mapping[str, Sequence[str]] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
-from rarms_iac.model.plan import HostPlan
+from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.wording import last_words
 from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import script_name
@@ -45,13 +45,14 @@ class ScriptJob:
     plan: str
     script: ScriptBundle
     earlier: Mapping[int, StepStatus]  # steps that an earlier run of it did
+    purpose: Purpose = Purpose.APPLY  # of the plan
 
 
-def apply_job(plan: str, part: HostPlan) -> ScriptJob:
+def apply_job(plan: str, part: HostPlan, purpose: Purpose = Purpose.APPLY) -> ScriptJob:
     """Return the plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
     files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
-    return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={})
+    return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={}, purpose=purpose)
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
@@ -64,7 +65,7 @@ def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
     name = f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1"
     script = _recorded_script(host, name, started.script, started.module)
-    return ScriptJob(run=started.run, plan=started.plan, script=script, earlier=earlier)
+    return ScriptJob(run=started.run, plan=started.plan, script=script, earlier=earlier, purpose=started.purpose)
 
 
 def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
@@ -74,7 +75,8 @@ def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
         HostDamaged: PowerShell cannot read the journal's script.
     """
     script = _recorded_script(host, f"{host}.undo.ps1", journal.started.undo, journal.started.module)
-    return ScriptJob(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
+    started = journal.started
+    return ScriptJob(run=RunKind.UNDO, plan=started.plan, script=script, earlier={}, purpose=started.purpose)
 
 
 def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str]) -> ScriptBundle:
@@ -110,7 +112,8 @@ def run_job(host: ScriptedHost, job: ScriptJob, control: RunControl) -> RunRepor
         HostError: the host could not be reached; nothing was run.
     """
     listener = RunListener(host.name, job, control)
-    control.reporter.run_started(RunBegun(host=host.name, run=job.run, plan=job.plan, done=len(job.earlier)))
+    begun = RunBegun(host=host.name, run=job.run, plan=job.plan, done=len(job.earlier), purpose=job.purpose)
+    control.reporter.run_started(begun)
     return listener.report(host.run_script(job.script, control.waits, listener))
 
 
@@ -195,6 +198,7 @@ class RunListener:
             changed=changed,
             unchanged=len(self._statuses) - changed,
             total=max(self._total, len(self._statuses)),
+            purpose=self._job.purpose,
             resumed=bool(self._job.earlier),
         )
         return RunReport(ending=ending, hosts=(host_report,), findings=tuple(problems))

@@ -59,6 +59,7 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
         run=started.run,
         plan=started.plan,
         done=len(done),
+        purpose=started.purpose,
         addresses=[str(step.address) for number, step in enumerate(started.steps) if number not in done],
         components=started.host_plan.components,
     )
@@ -76,6 +77,7 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
             changed=changed,
             unchanged=len(done) - changed,
             total=len(started.steps),
+            purpose=started.purpose,
             resumed=resumed,
             host_plan=started.host_plan if started.run is RunKind.APPLY else None,
         )

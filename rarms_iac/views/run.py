@@ -22,7 +22,7 @@ from rarms_iac.applying.run_report import (
 from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.model.commands import UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, StepStatus
-from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.model.plan import HostPlan, Purpose, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import describe_counts, members_of
@@ -32,6 +32,16 @@ from rarms_iac.views.json_output import json_of
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress, TaskID
+
+GOES_ON = {
+    Purpose.APPLY: "Applying plan",
+    Purpose.DESTROY: "Destroying by plan",
+    Purpose.IMPORT: "Importing by plan",
+    Purpose.RELEASE: "Releasing by plan",
+    Purpose.STOP: "Stopping by plan",
+    Purpose.START: "Starting by plan",
+}
+"""What goes on, as the user's command names it."""
 
 LONGEST = 500
 """Characters that are shown of a line of a host: of its output, or of a script in its journal."""
@@ -105,9 +115,9 @@ class RunProgress(RunReporter):
         """Say what begins or goes on."""
         self._end_host()
         self._components = begun.components
-        kind = "Applying" if begun.run is RunKind.APPLY else "Undoing"
+        kind = GOES_ON[begun.purpose] if begun.run is RunKind.APPLY else "Undoing plan"
         goes_on = f", going on after step {begun.done}" if begun.done else ""
-        self._write(f"{kind} plan {begun.plan} on {begun.host}{goes_on}")
+        self._write(f"{kind} {begun.plan} on {begun.host}{goes_on}")
         for address in begun.addresses:
             self._partition(address).total += 1
         if self._console is not None:
@@ -218,8 +228,7 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
 
 
 def _reported_host(report: HostReport, *, partial: bool) -> str:
-    kind = "Apply" if report.run is RunKind.APPLY else "Undo"
-    begun = f"{kind} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
+    begun = f"{_run_name(report)} {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
         return f"{begun}: nothing of it can be taken back." if partial else f"{begun}: it had changed nothing."
     steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} had nothing to do"
@@ -230,6 +239,13 @@ def _reported_host(report: HostReport, *, partial: bool) -> str:
         unchanged = f", {report.unchanged} had nothing to do" if report.unchanged else ""
         steps = f"{describe_counts([report.host_plan], done=True)} ({counted(report.total, 'step')}{unchanged})"
     return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
+
+
+def _run_name(report: HostReport) -> str:
+    """As `Apply of plan`, or `Stop by plan` where the user's command is not an apply."""
+    if report.run is RunKind.UNDO:
+        return "Undo of plan"
+    return "Apply of plan" if report.purpose is Purpose.APPLY else f"{report.purpose.value.capitalize()} by plan"
 
 
 def _reserved(part: HostPlan | None) -> str:

@@ -46,8 +46,11 @@ def running() -> list[str]:
 def test_stopped_partition_stays_off_without_drift() -> None:
     assert running() == ["speech", "vision"]
 
-    assert rarms("stop", "vision", "--auto-approve").code == 0
+    stopped = rarms("stop", "vision", "--auto-approve")
 
+    assert stopped.code == 0
+    assert "\nStopping by plan " in f"\n{stopped.err}"
+    assert "\nonboard: Stop by plan " in f"\n{stopped.out}{stopped.err}"
     assert running() == ["speech"]
     planned, drifted = rarms("plan"), rarms("drift")
     assert (planned.code, drifted.code) == (0, 0)

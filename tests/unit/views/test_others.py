@@ -2,6 +2,7 @@ import io
 import json
 from dataclasses import replace
 
+import pytest
 from rich.console import Console
 
 from rarms_iac.app.drift import ComparedHost, DriftReport
@@ -15,7 +16,7 @@ from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Closing, PastRun, RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
 from rarms_iac.model.totals import Totals
@@ -131,6 +132,21 @@ def test_apply_counts_resources_as_plan_did() -> None:
     assert host["totals"]["reserved_lp"] == 1.4
     assert [change["reserved_lp"] for change in host["changes"]] == [0.8, None, None, 0.6]
     assert host["components"] == {"speech": ["recognition", "synthesis"]}
+
+
+@pytest.mark.parametrize("purpose", [purpose for purpose in Purpose if purpose is not Purpose.APPLY])
+def test_run_has_name_of_its_command(purpose: Purpose) -> None:
+    report = a_report(RunEnding.DONE, changed=3)
+    (host,) = report.hosts
+    said: list[str] = []
+
+    with RunProgress(said.append, lambda: 0.0, None) as reporter:
+        reporter.run_started(RunBegun(host="onboard", run=RunKind.APPLY, plan=host.plan, done=0, purpose=purpose))
+    shown = render(run_text(replace(report, hosts=(replace(host, purpose=purpose),))), 200)
+
+    assert shown.startswith(f"onboard: {purpose.value.capitalize()} by plan 0123456789ab complete: ")
+    assert said[0].startswith(purpose.value.capitalize().removesuffix("e"))
+    assert said[0].endswith("ing by plan 0123456789ab on onboard")
 
 
 def test_an_undo_without_a_step_says_why() -> None:
