@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import islice
 from typing import Any, cast
 
 from pydantic_core import ValidationError
 
 from rarms_iac.manifest.document.marks import broken_thresholds
-from rarms_iac.manifest.document.reader import TAG, manifest_reader
+from rarms_iac.manifest.document.reader import TAG, manifest_blocks, manifest_reader
 from rarms_iac.manifest.document.rules import BrokenRule, broken_rules
 from rarms_iac.manifest.document.schema import Path
 from rarms_iac.manifest.text.tree import dotted
@@ -16,6 +18,12 @@ from rarms_iac.model.system import System
 
 MOST_ERRORS = 1000
 """Errors shown of one document: more of them come from a generator, which has few faults."""
+
+MOST_LISTED = 5 * MOST_ERRORS
+"""Errors that pydantic lists in no time; it needs 2 s and 300 MB for 400,000, the most that a manifest can have."""
+
+FIRST_CUT = 16
+"""Entries of each map and list that are looked at first where there are more errors; then four times as many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,16 +65,18 @@ def validate_document(document: Any, places: Places) -> System:
     """
     broken = list(broken_rules(document))
     listed: list[Any] = []
+    total = 0
     try:
         made = manifest_reader().validate_python(document)
     except ValidationError as problem:
-        listed = problem.errors(include_url=False, include_input=False)  # 2 s and 300 MB for 400,000, the most
+        total = problem.error_count()
+        listed = listable_errors(problem, document).errors(include_url=False, include_input=False)
     else:
         if not broken:
             return cast(System, made)
     cases = [case for error in listed[:MOST_ERRORS] for case in _cases(error, document)] + broken
     shown = cases[:MOST_ERRORS]
-    following = len(cases) - len(shown) + len(listed[MOST_ERRORS:])
+    following = len(cases) - len(shown) + total - len(listed[:MOST_ERRORS])
     raise NotAManifest([_structure_error(case, document, places) for case in shown], following)
 
 
@@ -76,6 +86,37 @@ def _cases(error: Any, document: Any) -> Iterator[BrokenRule]:
             yield (*error["loc"], *path), kind, facts
     else:
         yield error["loc"], error["type"], error.get("ctx", {})
+
+
+def listable_errors(problem: ValidationError, document: Any) -> ValidationError:
+    """Return the problem, or one with at least `MOST_ERRORS` of its errors where it has too many to be listed."""
+    most = FIRST_CUT
+    cut = problem
+    while problem.error_count() > MOST_LISTED and (cut is problem or cut.error_count() < MOST_ERRORS):
+        shorter = _cut(document, most)
+        try:
+            manifest_reader().validate_python(shorter)
+        except ValidationError as found:
+            cut = found
+        most *= 4
+    return cut
+
+
+def _cut(value: Any, most: int) -> Any:
+    """Return the value with the first entries of each map and list; a key that may be a field's stays, as needed."""
+    if isinstance(value, dict):
+        kept = dict(islice(value.items(), most))
+        if len(value) > most:
+            kept |= {key: value[key] for key in _field_names() & value.keys()}
+        return {key: _cut(item, most) for key, item in kept.items()}
+    if isinstance(value, list):
+        return [_cut(item, most) for item in value[:most]]
+    return value
+
+
+@cache
+def _field_names() -> frozenset[str]:
+    return frozenset(name for block in manifest_blocks().values() for name in block.get("properties", {}))
 
 
 def _structure_error(case: BrokenRule, document: Any, places: Places) -> StructureError:

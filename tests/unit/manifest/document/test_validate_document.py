@@ -8,9 +8,11 @@ from typing import Any
 
 import jsonschema
 import pytest
+from pydantic_core import ValidationError
 
+from rarms_iac.manifest.document.reader import manifest_reader
 from rarms_iac.manifest.document.schema import manifest_schema, overlay_schema
-from rarms_iac.manifest.document.validate_document import MOST_ERRORS, NotAManifest, validate_document
+from rarms_iac.manifest.document.validate_document import MOST_ERRORS, NotAManifest, listable_errors, validate_document
 from rarms_iac.manifest.load import load_system
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import first_line
@@ -362,3 +364,33 @@ def test_errors_behind_sound_entries_are_shown() -> None:
 
     assert [error.path[:2] for error in caught.value.errors] == [("components", name) for name in names[60:-7]]
     assert caught.value.following == 7
+
+
+@pytest.mark.parametrize(
+    ("components", "policy", "total"),
+    [
+        ({f"c{number}": 1 for number in range(20_000)}, {}, 20_000),
+        ({f"c{number}": {**SOUND, **{f"x{key}": 1 for key in range(200)}} for number in range(100)}, {}, 20_000),
+        ({f"c{number}": SOUND if number < 9000 else WRONG for number in range(20_000)}, {}, 11_000),
+        ({"c": SOUND}, {"interference": [1] * 20_000}, 20_000),
+        ({"c": {**{f"x{key}": 1 for key in range(20_000)}, **SOUND}}, {}, 20_000),
+    ],
+)
+def test_flood_of_errors_is_not_listed(components: dict[str, Any], policy: dict[str, Any], total: int) -> None:
+    document = {
+        "schema": "rarms/v1",
+        "application": {"name": "a"},
+        "hosts": {"h": HOST},
+        "components": components,
+        "policy": policy,
+    }
+    with pytest.raises(ValidationError) as every:
+        manifest_reader().validate_python(document)
+
+    with pytest.raises(NotAManifest) as caught:
+        validate_document(document, first_line("rarms.yaml"))
+
+    assert listable_errors(every.value, document).error_count() <= 10_000, "listing all takes seconds and 300 MB"
+    assert len(caught.value.errors) == MOST_ERRORS
+    assert caught.value.following == total - MOST_ERRORS
+    assert {error.kind for error in caught.value.errors} == {every.value.errors()[-1]["type"]}
