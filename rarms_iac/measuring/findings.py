@@ -679,7 +679,7 @@ def proof_findings(
         for verdict in proof.not_met:
             measured, ways = verdict.measured, _ways_out(hosts, proof, verdict, free)
             index, load = index_named(measured.index), proof.interference
-            with_load = f" beside {load}" if load else ""
+            with_load = f" under {load}" if load else ""
             finding, advice = _finding_of(verdict, ways, more_samples)
             facts: dict[str, Any] = {**index_facts(measured), **({"interference": load} if load else {})}
             if verdict.samples_needed:

@@ -191,7 +191,7 @@ class ProveAction(Action):
         """Prove; nothing is recorded where it is stopped."""
         if not (self.load_host or self.without_load):
             raise RequestError(
-                "A proof uses all idle time of the hosts: say so in its box, or prove what holds beside no load."
+                "A proof uses all idle time of the hosts: say so in its box, or prove what holds without load."
             )
         hosts = workspace.hosts()
         request = ProveRequest(load_host=self.load_host, without_load=self.without_load)

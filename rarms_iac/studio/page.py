@@ -147,7 +147,7 @@ LABELS = {
     "weak_load": "Accept loads that leave processors idle",
     "dry_run": "Leave the manifest as it is",
     "load_host": "Use all idle time of the hosts",
-    "without_load": "Prove beside no load",
+    "without_load": "Prove without load",
 }
 COARSE = Box(
     name="coarse", flag="--interactive", label="A coarse curve, to choose a level from", excludes="first last step"

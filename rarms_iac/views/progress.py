@@ -93,7 +93,7 @@ class MeasuringProgress(MeasuringReporter):
         if self._live is not None:
             named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
             samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
-            self._live.show((f"{host} beside {load or 'no load'}", f"samples of {samples}"))
+            self._live.show((f"{host} under {load}" if load else f"{host} without load", f"samples of {samples}"))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
@@ -154,7 +154,7 @@ def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
 
 
 def _subject(experiment: Experiment) -> str:
-    return f"{experiment.name} beside {experiment.setup.interference}"
+    return f"{experiment.name} with {experiment.setup.interference}"
 
 
 def _setting(experiment: Experiment, reserve: int) -> str:

@@ -32,7 +32,7 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
         own = share_of_processors(level.reserve, level.processors)
         share = share_of_host(level.reserved_lp, level.host_lp, level.host)
         yield f"partition {level.partition}: {show_processors(level.reserved_lp)}, {own}, {share}"
-        load_suffix = f" beside {level.interference}" if level.other_loads else ""
+        load_suffix = f" with {level.interference}" if level.other_loads else ""
         if level.expected is not None:
             expected = level.expected
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"

@@ -177,7 +177,8 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
         when = f", proven at {times[0]}" if times else ""
         when = f", the first proven at {times[0]}, the last at {times[-1]}" if len(times) > 1 else when
         thresholds = f"{len(holding)} of {counted(len(of_load), 'threshold')}"
-        sentences.append(f"{thresholds} held together with all other components beside {load or 'no load'}{when}.")
+        with_load = f"under {load}" if load else "without load"
+        sentences.append(f"{thresholds} held together with all other components {with_load}{when}.")
     for proof in proofs:
         if proof.outdated:
             sentences.append(f"{proof.entry.component} is outdated: {'; '.join(proof.outdated)}.")

@@ -128,8 +128,8 @@ def _verdict(verdict: IndexVerdict) -> str:
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:
-    """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs beside busy-loop`: when and under what it ran."""
-    with_load = f"beside {proof.entry.interference}" if proof.entry.interference else "beside no load"
+    """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs under busy-loop`: when and under what it ran."""
+    with_load = f"under {proof.entry.interference}" if proof.entry.interference else "without load"
     return f"{proof_time(proof)}, on {proof.entry.host} with {proof.entry.reserve} % of its VPs {with_load}"
 
 
@@ -169,7 +169,7 @@ def _sentence(proof: LayoutProof) -> str:
     count = len(layout.components)
     components = f"{count} components together" if count > 1 else "1 component"
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
-    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
+    with_load = f"under {proof.interference}" if proof.interference else "without load"
     return f"{proof.host}: {components} on {amount} {with_load}, in {counted(proof.starts, 'start')}: {message}."
 
 

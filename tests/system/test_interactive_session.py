@@ -100,7 +100,7 @@ def person(folder: Path) -> Iterator[Person]:
 
 def test_a_whole_session(person: Person, folder: Path) -> None:
     manifest = folder / "rarms.yaml"
-    person.waits_for("vision beside busy-loop on onboard (simulated): 10 settings")
+    person.waits_for("vision with busy-loop on onboard (simulated): 10 settings")
     person.waits_for("against CR (% of its VPs)")
     person.waits_for("onboard: ")
     person.waits_for("not known: speech is not measured.")
@@ -120,10 +120,10 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     assert "at_most: 150 ms } }  # the line is not too late" in manifest.read_text(encoding="utf-8")
     person.waits_for("% of its VPs was measured. Search there? [y/N/?/q]")
     person.types("y")
-    person.waits_for("vision beside busy-loop on onboard (simulated): 1 to")
+    person.waits_for("vision with busy-loop on onboard (simulated): 1 to")
     person.waits_for("A level for vision")
     person.types("")
-    person.waits_for("speech beside busy-loop on onboard (simulated): 10 settings")
+    person.waits_for("speech with busy-loop on onboard (simulated): 10 settings")
     person.waits_for("A level for speech")
     person.types("q")
     person.waits_for("Ended. Results are saved; run the same command to continue.")

@@ -28,7 +28,7 @@ def test_level_is_written_and_reservation_follows(here: Path) -> None:
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
         "  partition vision: 1.22 LP, 61 % of its 2 VPs, 61 % of onboard",
-        "  measured there beside busy-loop: 105 ms (104.5 to 105.5 ms)",
+        "  measured there with busy-loop: 105 ms (104.5 to 105.5 ms)",
         "  headroom of onboard: 0.78 LP of 2 LP",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")
@@ -40,7 +40,7 @@ def test_level_is_written_and_reservation_follows(here: Path) -> None:
 
 def test_level_met_by_lowest_setting_advises_lower(here: Path) -> None:
     measure(here, MEANS)
-    hint = "no lower setting was measured beside busy-loop: `rarms measure -f"
+    hint = "no lower setting was measured with busy-loop: `rarms measure -f"
 
     tried = rarms("select", "vision", "--at", "750 ms", "--dry-run", "-f", str(here))
     lowest = rarms("select", "vision", "--at", "750 ms", "-f", str(here))
@@ -92,7 +92,7 @@ def test_missing_load_is_named(here: Path) -> None:
     selected = rarms("select", "vision", "--at", "95 ms", "-f", str(here)).out
     explained = " ".join(rarms("explain", "vision", "-f", str(here)).out.split())
 
-    assert "measured there beside busy-loop: 90 ms" in selected
+    assert "measured there with busy-loop: 90 ms" in selected
     assert "no lower setting was measured" not in selected
     assert "load busy-loop asks for most; bursts-20 for no more" in explained
     assert "mean_response_time at 61 % of its 2 VPs 120 ms, at worst " in explained

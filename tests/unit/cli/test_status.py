@@ -258,10 +258,10 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
     shown = " ".join(render(status_text(overview)).split())
 
     assert (
-        "2 of 3 thresholds held together with all other components beside busy-loop, "
+        "2 of 3 thresholds held together with all other components under busy-loop, "
         "the first proven at 2026-01-31 12:00:00 UTC, the last at 2026-02-01 12:00:00 UTC." in shown
     )
-    missed = "missed (2026-02-02 12:00:00 UTC, on onboard with 40 % of its VPs beside busy-loop)."
+    missed = "missed (2026-02-02 12:00:00 UTC, on onboard with 40 % of its VPs under busy-loop)."
     assert f"logger, mean_response_time at most 100 ms: {missed}" in shown
 
 

@@ -204,12 +204,12 @@ def test_a_weaker_proof_takes_no_miss_back(here: Path) -> None:
     text = " ".join(rarms("status").out.split())
 
     assert (loaded.code, alone.code) == (4, 0), loaded.err
-    assert "of 3 thresholds held together with all other components beside busy-loop" in text
+    assert "of 3 thresholds held together with all other components under busy-loop" in text
     assert "vision, mean_response_time at most 30 ms: missed" in text
-    assert "3 of 3 thresholds held together with all other components beside no load" in text
+    assert "3 of 3 thresholds held together with all other components without load" in text
     assert "finds what would be enough for what missed its threshold" in text
     assert prove().code == 4
-    assert "beside no load" not in rarms("status").out, "what was proven beside a load since is more"
+    assert "without load" not in rarms("status").out, "what was proven beside a load since is more"
 
 
 def test_a_miss_names_its_ways_out_with_figures(here: Path) -> None:
@@ -320,7 +320,7 @@ def test_plan_is_proven_as_its_manifest(here: Path, tmp_path: Path) -> None:
         done = rarms("apply", "plan.json", "--prove", "--load-host")
 
     assert done.code == 0, done.err
-    assert "onboard: 2 components together on 1.3 LP of 2 LP beside busy-loop" in done.out
+    assert "onboard: 2 components together on 1.3 LP of 2 LP under busy-loop" in done.out
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert entry.reserve == 45

@@ -209,7 +209,7 @@ def written(
 def test_pipe_hears_of_a_setting_after_silence() -> None:
     assert written(seconds_since_start=1.0) == []
     assert written(seconds_since_start=32.0) == [
-        "vision beside busy-loop at 1.24 LP: 100 samples, mean_response_time 98 ms (89.1 to 106.9 ms), in 32 s\n"
+        "vision with busy-loop at 1.24 LP: 100 samples, mean_response_time 98 ms (89.1 to 106.9 ms), in 32 s\n"
     ]
 
 
@@ -255,7 +255,7 @@ def test_repeated_setting_says_what_it_adds() -> None:
     for _ in range(2):
         progress.setting_disturbed(ONE_EXPERIMENT, 62, "the load got less")
 
-    again = "vision beside busy-loop at 1.24 LP is measured again, because it was disturbed: the load got less."
+    again = "vision with busy-loop at 1.24 LP is measured again, because it was disturbed: the load got less."
     assert lines == [f"{again} This adds about 12 s.\n", f"{again}\n"]
 
 
@@ -271,8 +271,8 @@ def test_terminal_sees_the_running_setting() -> None:
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert "vision beside busy-loop  1.24 LP  ..." in shown
-    assert "vision beside busy-loop  1.24 LP  50 samples, mean_response_time 98 ms, at most 476 s left" in shown
+    assert "vision with busy-loop  1.24 LP  ..." in shown
+    assert "vision with busy-loop  1.24 LP  50 samples, mean_response_time 98 ms, at most 476 s left" in shown
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 
