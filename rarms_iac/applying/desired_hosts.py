@@ -119,7 +119,6 @@ def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, fro
         builds[partition.id] = partition.guest_build or stated.get(name, 0)
         if partition.settings.running and not partition.can_be_asked:
             graces[name] = Milliseconds(Fraction(0))
-    removes = request.limit is Disruption.REMOVAL
     return StepContext(
         seen=seen,
         guest_builds=builds,
@@ -130,15 +129,30 @@ def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, fro
         making={partition.name: partition.making for partition in desired.partitions},
         criticality={partition.name: partition.criticality for partition in desired.partitions},
         max_disruption=request.limit,
-        remaining={
-            partition.name: host
-            for partition in desired.partitions
-            for host, names in present.items()
-            if partition.name in names
-            and partition.name not in present[desired.host]
-            and not (removes and host in (request.hosts or present))
-        },
+        remaining=_remaining(request, desired, present),
     )
+
+
+def _remaining(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> Mapping[str, str]:
+    """Return why partitions are not made on a host: they are on another one, or may be on one that was not looked at.
+
+    Returns:
+        By partition, the reason as a part of a sentence.
+    """
+    removes = request.limit is Disruption.REMOVAL
+    unseen = [host for host in sorted(request.system.hosts, key=natural_order) if host not in present]
+    groups = {group.name: group for group in groups_of(request.system)}
+    known = frozenset[str]().union(*present.values())
+    reasons: dict[str, str] = {}
+    for name in (partition.name for partition in desired.partitions):
+        for host in unseen:
+            if name not in known and groups[name].may_run_on(host):
+                reasons[name] = f"it may be on {host}, which was not looked at"
+        for host, names in present.items():
+            is_left = name in names and not (removes and host in (request.hosts or present))
+            if is_left and name not in present[desired.host]:
+                reasons[name] = f"it is on {host}, and this plan does not remove it there"
+    return reasons
 
 
 def partitions_present(request: PlanRequest, observed: Mapping[str, State]) -> Mapping[str, frozenset[str]]:

@@ -183,7 +183,7 @@ def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Ch
 def _changes_of_moves(changes: Sequence[Change], context: StepContext) -> _Held:
     """Return what makes partitions here that would then be on two hosts."""
     return {
-        at: HeldBack(change=change, why=f"it is on {context.remaining[name]}, and this plan does not remove it there")
+        at: HeldBack(change=change, why=context.remaining[name])
         for at, change in enumerate(changes)
         if (name := change.address.partition) in context.remaining
     }

@@ -31,7 +31,7 @@ class StepContext:
     restorable: Mapping[str, tuple[TaskClass, ...]] = field(default_factory=dict)
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
     max_disruption: Disruption = Disruption.HOST_RESTART
-    remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: another host, where the plan leaves it
+    remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: why it is not made here
 
     @property
     def forces(self) -> bool:

@@ -200,6 +200,20 @@ def test_what_stays_is_not_made_elsewhere(limit: Disruption, hosts: tuple[str, .
     assert [type(change) for host in allowed.hosts for change in host.changes] == [Delete, Create]
 
 
+@pytest.mark.parametrize(("hosts", "why"), [(None, "it may be on right, which was not looked at"), (("left",), "")])
+def test_unseen_host_may_have_the_partition(hosts: tuple[str, ...] | None, why: str) -> None:
+    both = [a_host(name) for name in ("left", "right")]
+    system = a_system(hosts=both, components=[a_component("a", reserve="30 %", memory="64 MiB", hosts=hosts)])
+    seen = {"left": State(facts=facts_for(both[0]), partitions=(), tasks=())}
+
+    plan = make_plan(a_request(system, hosts=("left",)), seen).plan
+
+    assert plan is not None
+    (left,) = plan.hosts
+    assert [entry.why for entry in left.held_back] == ([why] if why else [])
+    assert [type(change) for change in left.changes] == ([] if why else [Create])
+
+
 @pytest.mark.parametrize(("until", "goes_to"), [(date(2026, 1, 1), "left"), (date(2025, 12, 31), "right")])
 def test_the_search_counts_no_acceptance_that_has_expired(until: date, goes_to: str) -> None:
     """Both hosts suit the partition; the first by name has a scheduler that ignores reserves."""
