@@ -112,6 +112,8 @@ def _partitions(
             yield _of_kind(address, DriftKind.REMOVED) if name in last_run else _never_applied(address)
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
             message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
+            if there[name].settings.running:
+                message = "`rarms measure` ended before its mark says that it runs: `rarms start` corrects the mark"
             yield ResourceDrift(address=address, drift=kind, message=message)
         elif kind is not None:
             yield _of_kind(address, kind)
@@ -140,8 +142,8 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
 
 
 def _is_left_by_measurement(there: Partition) -> bool:
-    """Whether a measurement stopped it and has not started it again: it is wanted running."""
-    return there.mark is not None and there.mark.stopped_by is StoppedBy.MEASUREMENT and not there.settings.running
+    """Whether its mark says that a measurement stopped it: it is wanted running, without that."""
+    return there.mark is not None and there.mark.stopped_by is StoppedBy.MEASUREMENT
 
 
 def _combine(*, host: bool, manifest: bool) -> DriftKind | None:

@@ -29,7 +29,7 @@ from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.findings import OCCUPIED, UNABLE
 from rarms_iac.measuring.partitions import MEASURING, remove_test_partitions
 from rarms_iac.model.capacity import capacity_of, fits, foreign_claims
-from rarms_iac.model.commands import START, command, prose
+from rarms_iac.model.commands import PLAN, START, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host, ProviderKind, SimulatedHost
@@ -219,7 +219,7 @@ def _refuse_without_return(
                 host.name,
                 "On {host} these run, and could not be started again after measuring: {_names}. The host has no room "
                 "for them by the manifest.",
-                prose("See what is too much with ", command("plan"), ", and apply it before you measure."),
+                prose(PLAN, " shows what is too much. Correct the manifest before you measure."),
                 partitions=names,
                 _names=", ".join(names),
             )

@@ -51,7 +51,8 @@ def was_changed(there: Partition, *, by_hand: bool) -> bool:
         by_hand: its user starts it, so whether it runs counts for nothing.
     """
     assert there.mark is not None
-    is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
+    # One that a measurement stops or starts carries its mark while it runs, and keeps it after a kill.
+    is_started = there.mark.stopped_by is StoppedBy.USER and there.settings.running
     unfixed = replace(there, settings=replace(there.settings, secure_boot=""))
     digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
     return is_started or there.mark.set not in digests

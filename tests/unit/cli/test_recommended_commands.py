@@ -539,6 +539,8 @@ OTHER_TESTS = {
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
+    "`rarms plan` shows what is too much": "tests/unit/measuring/test_stopping.py",
+    "`rarms start` corrects the mark": "tests/unit/measuring/test_stopping.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     "then run `rarms install --host": "tests/unit/app/test_install.py",
     "then run {again}.": "tests/unit/app/test_install.py",

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring import measure, session
+from rarms_iac.model.operations import Operation, StopPartition
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import StoppedBy
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.robots import a_measured, a_robot_of
 from tests.unit.cli.running import rarms
@@ -184,6 +187,8 @@ def test_nothing_stops_without_room_to_return() -> None:
     assert "error[RARMS115]" in refused.err
     assert "could not be started again after measuring: speech, vision." in " ".join(refused.err.split())
     assert machines() == RUNNING
+    assert "`rarms plan` shows what is too much." in refused.err
+    assert "keep_for_host" in rarms("plan").err
 
 
 def test_partition_of_the_user_takes_no_room() -> None:
@@ -208,6 +213,27 @@ def test_run_killed_meanwhile_is_not_measured_over(monkeypatch: pytest.MonkeyPat
     assert refused.code == 3, refused.err
     assert "error[RARMS183]" in refused.err
     assert machines() == RUNNING
+
+
+def test_kill_before_the_stop_is_no_change_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed_at_a_stop(host: SimulatedHostProvider, operation: Operation, scope: Scope) -> None:
+        if isinstance(operation, StopPartition):
+            raise KeyboardInterrupt
+        execute(host, operation, scope)
+
+    execute = SimulatedHostProvider.execute
+    with monkeypatch.context() as kill:
+        kill.setattr(measure, "starting_again", _killed)
+        kill.setattr(SimulatedHostProvider, "execute", killed_at_a_stop)
+        assert rarms(*SWEEP, "--stop-partitions").code == 130
+
+    drift = rarms("drift")
+
+    assert machines() == {"speech": (True, StoppedBy.MEASUREMENT), "vision": (True, StoppedBy.NO_USER)}
+    assert "0 changed on the host, 1 not applied yet" in drift.out
+    assert "RARMS311" not in rarms("plan").out
+    assert rarms("start", "--auto-approve").code == 0
+    assert (machines(), rarms("drift").code) == (RUNNING, 0)
 
 
 def test_remaining_time_is_told_after_some_settings() -> None:
