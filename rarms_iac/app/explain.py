@@ -3,7 +3,7 @@
 Begin at `explain_component`. Hosts are looked at; one that cannot be counts by what the manifest says.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -201,8 +201,15 @@ class _Case:
             errors=()
             if self.layout is not None
             else tuple(finding for finding in self.planning.findings if has_errors([finding])),
-            commands=(TUNE,) if by_log and not compounds and not previous.runs else (),
+            commands=(TUNE,) if self._is_tuning_next(log, previous, compounds) else (),
         )
+
+    def _is_tuning_next(
+        self, log: MeasuredTogether | None, previous: PreviousTuning, compounds: Sequence[RejectedCompound]
+    ) -> bool:
+        """Tell whether tuning may help; where all fits, or nothing is measured yet, it has nothing to do."""
+        is_tunable = depends_on_a_log(self.group) and log is not None
+        return self.layout is None and is_tunable and not compounds and not previous.runs
 
     def _place(self) -> tuple[Host, PlacedPartition, str]:
         """Its place in the layout, else where it is, or on the first host that could have it; and why none has it."""

@@ -11,7 +11,7 @@ from typing import assert_never
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare import not_at_rest
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
-from rarms_iac.model.commands import command, prose
+from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Place
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.setting import TEST_PARTITIONS
@@ -21,6 +21,7 @@ from rarms_iac.model.wording import natural_order, suggestion
 from rarms_iac.storage.marks import set_of_settings
 
 Locator = Callable[[Address], Place | None]
+_NOTHING_TO_IMPORT = prose("There is nothing to import. ", PLAN, " shows the partition that it adds.")
 
 
 def requested_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Change | Diagnostic]:
@@ -150,7 +151,7 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
         yield NO_TARGET.at(
             place,
             "{host} has no machine {machine}: {_known}.",
-            "Give one of these ids.",
+            "Give one of these ids." if state.partitions else _NOTHING_TO_IMPORT,
             address=address,
             host=state.facts.name,
             machine=machine,

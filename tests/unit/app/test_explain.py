@@ -77,6 +77,17 @@ def test_fixed_reserve_that_does_not_fit_has_errors(here: Path) -> None:
     assert rarms("explain", "vision", "-f", str(here)).err.count("error[RARMS014]") == 1
 
 
+def test_tuning_is_next_where_nothing_fits(here: Path) -> None:
+    assert "Next:" not in rarms("explain", "vision", "-f", str(here)).out
+    measure(here, MEANS)
+    assert "Next:" not in rarms("explain", "vision", "-f", str(here)).out
+
+    speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    cpu: { reserve: 60 % }\n  vision:\n"
+    edit(here / "rarms.yaml", "  vision:\n", speech)
+
+    assert "\nNext: `rarms tune " in rarms("explain", "vision", "-f", str(here)).out
+
+
 def test_who_shares_partition_is_named_with_reason(here: Path) -> None:
     speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    together: [vision]\n  vision:\n"
     edit(here / "rarms.yaml", "  vision:\n", speech)

@@ -283,6 +283,14 @@ def test_misspelt_target_gets_the_meant_address(lab: Lab, target: str) -> None:
     assert "`rarms plan --verbose` lists those that change" in str(finding.advice)
 
 
+def test_import_from_empty_host_recommends_plan(lab: Lab) -> None:
+    (finding,) = lab.prepare(purpose=Purpose.IMPORT, partitions=("vision",), machine="no-such-id").findings
+
+    assert finding.detail.endswith("it has no machines.")
+    assert "Give one of these ids" not in str(finding.advice)
+    assert "`rarms plan`" in str(finding.advice)
+
+
 def test_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
     lab.apply(lab.plan())
     machine = lab.observe()["onboard"].partitions[0].id

@@ -325,6 +325,10 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MANIFEST, "apply", "release vision"),
         Ask("plan", " to take it over, or give the partition another name", "import vision --id"),
     ),
+    "a host without machines has none to import": (
+        given(MANIFEST),
+        Ask("import vision --id none --auto-approve", "There is nothing to import. ", "plan"),
+    ),
     "a machine that is not managed gets less": (
         given(
             MANIFEST,
