@@ -110,6 +110,8 @@ TICKS_OF_FILES = 3
 TICKS_OF_FILES_AT_WORK = 15
 """Files are looked at this seldom; while something runs seldom enough to leave the processors to it."""
 
+MOST_BYTES = 65_536
+"""Of a request's body."""
 BODY_SECONDS = 10.0
 """For the body of a request."""
 
@@ -292,7 +294,8 @@ def guarded(studio: Studio, port: int, keys: Keys) -> Guard:
     Args:
         port: of the loopback interface, which requests have to name.
     """
-    return Guard(Starlette(routes=[Mount(f"/{keys.folder}", routes=studio.routes())]), port, keys)
+    routes = [Mount(f"/{keys.folder}", routes=studio.routes())]
+    return Guard(Starlette(routes=routes, max_body_size=MOST_BYTES), port, keys)
 
 
 def serve(
