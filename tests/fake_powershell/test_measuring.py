@@ -1,7 +1,8 @@
 """Measuring on the stand-in for Hyper-V: what it finds, what it records, and that nothing of it stays."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,10 @@ from rarms_iac.cli.main import main
 from rarms_iac.measuring import measure
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.model.state import StoppedBy
 from rarms_iac.providers.hyperv import provider
 from rarms_iac.providers.hyperv.guest_samples import read_seen
+from rarms_iac.providers.machines import read_mark
 from tests.fake_powershell import guests
 from tests.fake_powershell.host import Program, WindowsHost
 from tests.fake_powershell.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
@@ -361,3 +364,97 @@ def test_bursts_know_what_their_partition_reserves(measured: Measured) -> None:
     assert [int(process.reserve) for process in loads] == load_reserves
     assert load_reserves[0] > load_reserves[1] > 0
     assert leftovers(host) == []
+
+
+TWO_PARTITIONS = (
+    MANIFEST + "    cpu: { reserve: 7 % }\n  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 5 % } }\n"
+)
+SWEEP = ("measure", "vision", "--from", "40%", "--to", "40%")
+RUNNING = {"speech": ("Running", StoppedBy.NO_USER), "vision": ("Running", StoppedBy.NO_USER)}
+STOPPED = {"speech": ("Off", StoppedBy.MEASUREMENT), "vision": ("Off", StoppedBy.MEASUREMENT)}
+
+
+@pytest.fixture
+def applied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> WindowsHost:
+    """A host on which two partitions of the manifest in this folder run; nothing is recorded of what was done."""
+    host = a_measurable_windows()
+    monkeypatch.setattr(provider, "transport_to", lambda *_: FakePowerShellTransport(host))
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(TWO_PARTITIONS, encoding="utf-8")
+    assert main(["apply", "--auto-approve"]) == 0
+    host.effects.clear()
+    return host
+
+
+def machines(host: WindowsHost) -> dict[str, tuple[str, StoppedBy | None]]:
+    """By name of each machine: its state, and who stopped it."""
+    marks = {vm.name: read_mark(vm.notes) for vm in host.vms.values()}
+    return {vm.name: (vm.state, (mark := marks[vm.name]) and mark.stopped_by) for vm in host.vms.values()}
+
+
+def done_to_partitions(host: WindowsHost) -> list[str]:
+    """The calls that changed machines, without those for the test partitions."""
+    words = [effect.split(" ") for effect in host.effects if "-VM " in effect]
+    return [f"{cmdlet} {name}" for cmdlet, name, *_ in words if not name.startswith("rarms-")]
+
+
+@contextmanager
+def _killed(*_: object) -> Iterator[list[object]]:
+    yield []
+
+
+def test_partitions_are_stopped_to_measure_and_started_again(applied: WindowsHost) -> None:
+    assert main([*SWEEP, "--stop-partitions"]) == 0
+
+    assert done_to_partitions(applied) == [
+        *("Stop-VM speech", "Set-VM speech", "Stop-VM vision", "Set-VM vision"),
+        *("Set-VM speech", "Set-VM vision", "Start-VM speech", "Start-VM vision"),
+    ]
+    assert machines(applied) == RUNNING
+    assert applied.lock == ""
+    assert main(["drift"]) == 0
+
+
+@pytest.mark.parametrize("next_command", [SWEEP, ("start", "--auto-approve"), ("apply", "--auto-approve")])
+def test_next_command_starts_what_killed_measurement_stopped(
+    applied: WindowsHost, monkeypatch: pytest.MonkeyPatch, next_command: tuple[str, ...]
+) -> None:
+    with monkeypatch.context() as kill:
+        kill.setattr(measure, "starting_again", _killed)
+        assert main([*SWEEP, "--stop-partitions"]) == 0
+    assert machines(applied) == STOPPED
+
+    assert main([*next_command]) == 0
+
+    assert machines(applied) == RUNNING
+
+
+@pytest.mark.parametrize("last", ["Stop-VM speech", "Set-VM speech", "Stop-VM vision", "Start-VM speech"])
+def test_apply_repairs_killed_stop_or_start(
+    applied: WindowsHost, last: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def kill_next(host: WindowsHost) -> None:
+        if host.effects[-1].startswith(last):
+            host.kill_before = len(host.effects)
+
+    applied.watch = kill_next
+    assert main([*SWEEP, "--stop-partitions"]) == 1
+    applied.watch = applied.kill_before = None
+    assert machines(applied) != RUNNING
+    capsys.readouterr()
+    assert main([*SWEEP]) == 3
+    assert "error[RARMS183] Another run is unfinished on the host" in capsys.readouterr().err
+
+    assert main(["apply", "--auto-approve"]) == 0
+
+    assert machines(applied) == RUNNING
+
+
+def test_machine_of_cluster_is_not_stopped_to_measure(applied: WindowsHost, capsys: pytest.CaptureFixture[str]) -> None:
+    next(vm for vm in applied.vms.values() if vm.name == "vision").clustered = "True"
+
+    assert main([*SWEEP, "--stop-partitions"]) == 4
+
+    assert "belongs to a failover cluster" in " ".join(capsys.readouterr().err.split())
+    assert done_to_partitions(applied) == []
+    assert machines(applied) == RUNNING
