@@ -388,8 +388,8 @@ def applied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> WindowsHost:
 
 def machines(host: WindowsHost) -> dict[str, tuple[str, StoppedBy | None]]:
     """By name of each machine: its state, and who stopped it."""
-    marks = {vm.name: read_mark(vm.notes) for vm in host.vms.values()}
-    return {vm.name: (vm.state, (mark := marks[vm.name]) and mark.stopped_by) for vm in host.vms.values()}
+    marks = ((vm, read_mark(vm.notes)) for vm in host.vms.values())
+    return {vm.name: (vm.state, mark.stopped_by if mark else None) for vm, mark in marks}
 
 
 def done_to_partitions(host: WindowsHost) -> list[str]:
