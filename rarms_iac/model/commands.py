@@ -72,7 +72,7 @@ class Prose(OutputText):
 
     def __str__(self) -> str:
         """Return the text with its commands between backticks."""
-        return plain_text(self)
+        return "".join(piece if isinstance(piece, str) else f"`{piece.text}`" for piece in self.pieces)
 
     def __bool__(self) -> bool:
         """Whether there is any text or command."""
@@ -111,23 +111,6 @@ def sentences(*parts: Wording) -> Prose:
     """Join the parts that are not empty, with a blank between them."""
     filled = [part for part in parts if part]
     return prose(*(piece for number, part in enumerate(filled) for piece in (" " if number else "", part)))
-
-
-def plain_text(text: Wording, manifest: str = "") -> str:
-    """Write a text out, with its commands between backticks.
-
-    Args:
-        text: with or without commands.
-        manifest: put behind each command that takes a manifest, such as ` -f cell`.
-    """
-    if isinstance(text, str):
-        return text
-    return "".join(piece if isinstance(piece, str) else f"`{command_text(piece, manifest)}`" for piece in text.pieces)
-
-
-def command_text(recommended: RecommendedCommand, manifest: str) -> str:
-    """Write a command out, with ` -f cell` or the like behind it where it takes a manifest."""
-    return recommended.text + (manifest if recommended.takes_manifest else "")
 
 
 APPLY = command("apply")

@@ -1,7 +1,7 @@
 """Findings: problems that a user can cause or correct, as values that every view renders."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from fractions import Fraction
@@ -297,48 +297,6 @@ class Places(Protocol):
 
 Sources = Mapping[str, str | Sequence[str]]
 """The text of each file, or its lines, by the name that places use."""
-
-_SECTIONS: Mapping[str, tuple[str, ...]] = {
-    "partition": ("partitions", "components"),  # a partition without an entry has the name of a component
-    "component": ("components",),
-    "host": ("hosts",),
-    "task": ("tasks",),
-    "interference": ("interference",),
-}
-"""Sections of a manifest with the names of an address, or of a value of a finding."""
-
-
-def with_places(diagnostics: Sequence[Diagnostic], places: Places) -> tuple[Diagnostic, ...]:
-    """Give each finding without a place the line that names what it is about.
-
-    Returns:
-        The findings in their order. The place is the key of the partition, component, task class, load or host that
-        the address or a value names; the manifest's first line, if the manifest names none of them.
-    """
-    return tuple(
-        diagnostic if diagnostic.place is not None else replace(diagnostic, place=_place_of(diagnostic, places))
-        for diagnostic in diagnostics
-    )
-
-
-def _place_of(diagnostic: Diagnostic, places: Places) -> Place:
-    words = diagnostic.address.split("/")
-    for kind, name in [*zip(words[::2], words[1::2], strict=False), *_named_in(diagnostic.values)]:
-        for section in _SECTIONS.get(kind, ()):
-            place, parent = places.key(section, name), places.key(section)
-            if (place.file, place.line, place.column) != (parent.file, parent.line, parent.column):
-                return place
-    return places.key()
-
-
-def _named_in(values: Mapping[str, Fact]) -> Iterator[tuple[str, str]]:
-    """Yield kind and name of what the values name; the first of a list."""
-    for kind in _SECTIONS:
-        named = values.get(kind) or values.get(f"{kind}s")
-        name = next(iter(named), None) if isinstance(named, tuple) else named
-        if isinstance(name, str):
-            yield kind, name
-
 
 CLASS_ORDER = Finding.warning("RARMS128", "Priorities do not follow the criticalities")
 DAMAGED = Finding.error("RARMS190", "The journal or a record on the host is damaged")

@@ -182,11 +182,6 @@ def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
             return f"{show_number(lower)} to {show_value(index, upper)}"
 
 
-def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
-    """`<= 100 ms`, which leaves room in a table."""
-    return f"{'<=' if isinstance(threshold, AtMost) else '>='} {show_value(index, threshold.value, threshold)}"
-
-
 def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
     """`at most 100 ms`."""
     return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value, threshold)}"

@@ -19,7 +19,7 @@ from rarms_iac.manifest.load import manifest_path
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.measuring.prove import ProveRequest
 from rarms_iac.measuring.tune import TuneRequest
-from rarms_iac.model.commands import PLAN, START, RecommendedCommand, plain_text, sentences
+from rarms_iac.model.commands import PLAN, START, RecommendedCommand, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.journal import RunKind
@@ -27,7 +27,7 @@ from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
-from rarms_iac.views.console import UNLIMITED, render
+from rarms_iac.views.console import UNLIMITED, plain_text, render
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.reports.html import render_page
 from rarms_iac.views.reports.tables import levels_of_component
@@ -306,7 +306,7 @@ def _remark(host: str, known: Knowledge) -> str:
 def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
     totals = host.totals
     if totals is None:
-        problems = tuple(plain_text(sentences(problem.detail, problem.advice)) for problem in host.problems)
+        problems = tuple(str(sentences(problem.detail, problem.advice)) for problem in host.problems)
         return HostOnPage(
             name=host.name,
             sentence="could not be looked at",

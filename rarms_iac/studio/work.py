@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Literal
 from rarms_iac.app.control import MeasuringReporter, StopSignal
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError, bug_finding, system_finding
 from rarms_iac.applying.run_report import ReportedStep, RunReporter
-from rarms_iac.model.commands import Wording, plain_text, sentences
+from rarms_iac.model.commands import Wording, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.model.journal import StepStatus
-from rarms_iac.views.console import UNLIMITED, render, visible
+from rarms_iac.views.console import UNLIMITED, plain_text, render, visible
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.progress import MeasuringProgress
 

@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
-from rarms_iac.model.commands import Prose, plain_text
+from rarms_iac.model.commands import Prose, RecommendedCommand, Wording
 from rarms_iac.model.wording import HIDDEN
 
 if TYPE_CHECKING:
@@ -62,6 +62,22 @@ def spell_out_hidden(text: str) -> str:
         It; `<U+202E>` for each such character.
     """
     return HIDDEN.sub(lambda sign: f"<U+{ord(sign[0]):04X}>", text)
+
+
+def plain_text(text: Wording, manifest: str) -> str:
+    """Write a text out, with its commands between backticks.
+
+    Args:
+        manifest: put behind each command that takes a manifest, such as ` -f cell`; empty: nothing.
+    """
+    if isinstance(text, str):
+        return text
+    return "".join(piece if isinstance(piece, str) else f"`{command_text(piece, manifest)}`" for piece in text.pieces)
+
+
+def command_text(recommended: RecommendedCommand, manifest: str) -> str:
+    """Write a command out, with ` -f cell` or the like behind it where it takes a manifest."""
+    return recommended.text + (manifest if recommended.takes_manifest else "")
 
 
 Content: TypeAlias = Union["Text", str]

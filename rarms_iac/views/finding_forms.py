@@ -6,7 +6,7 @@ alone imports rich.
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path, PurePath
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
-from rarms_iac.model.commands import plain_text, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Places, Severity, Sources, with_places
+from rarms_iac.model.commands import sentences
+from rarms_iac.model.diagnostics import Diagnostic, Fact, Findings, Place, Places, Severity, Sources
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.codec import encode_output
@@ -197,9 +197,7 @@ def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str,
         "ruleId": diagnostic.code,
         "ruleIndex": rule,
         "level": LEVELS[diagnostic.severity],
-        "message": {
-            "text": visible(plain_text(sentences(f"{diagnostic.summary}.", diagnostic.detail, diagnostic.advice)))
-        },
+        "message": {"text": visible(str(sentences(f"{diagnostic.summary}.", diagnostic.detail, diagnostic.advice)))},
     }
     if diagnostic.place is not None:
         result["locations"] = [_location(diagnostic.place)]
@@ -276,7 +274,7 @@ def _case(suite: ET.Element, diagnostic: Diagnostic) -> ET.Element:
 
 def _add_result(case: ET.Element, diagnostic: Diagnostic) -> None:
     location = f"{diagnostic.place}, {diagnostic.place.path}\n" if diagnostic.place else ""
-    text = _xml(f"{location}{diagnostic.detail}\n{plain_text(diagnostic.advice)}")
+    text = _xml(f"{location}{diagnostic.detail}\n{diagnostic.advice!s}")
     if diagnostic.severity is Severity.ERROR:
         ET.SubElement(case, "failure", type=diagnostic.code, message=_xml(diagnostic.summary)).text = text
     else:
@@ -316,7 +314,7 @@ def _properties(diagnostic: Diagnostic) -> str:
 
 
 def _message(diagnostic: Diagnostic) -> str:
-    return _data("\n".join(part for part in (diagnostic.detail, plain_text(diagnostic.advice)) if part))
+    return _data("\n".join(part for part in (diagnostic.detail, str(diagnostic.advice)) if part))
 
 
 def _data(text: str) -> str:
@@ -327,3 +325,45 @@ def _data(text: str) -> str:
 def _property(text: str) -> str:
     """Return the text as a property's value: colon and comma would end it."""
     return _data(text).replace(":", "%3A").replace(",", "%2C")
+
+
+_SECTIONS: Mapping[str, tuple[str, ...]] = {
+    "partition": ("partitions", "components"),  # a partition without an entry has the name of a component
+    "component": ("components",),
+    "host": ("hosts",),
+    "task": ("tasks",),
+    "interference": ("interference",),
+}
+"""Sections of a manifest with the names of an address, or of a value of a finding."""
+
+
+def with_places(diagnostics: Sequence[Diagnostic], places: Places) -> tuple[Diagnostic, ...]:
+    """Give each finding without a place the line that names what it is about.
+
+    Returns:
+        The findings in their order. The place is the key of the partition, component, task class, load or host that
+        the address or a value names; the manifest's first line, if the manifest names none of them.
+    """
+    return tuple(
+        diagnostic if diagnostic.place is not None else replace(diagnostic, place=_place_of(diagnostic, places))
+        for diagnostic in diagnostics
+    )
+
+
+def _place_of(diagnostic: Diagnostic, places: Places) -> Place:
+    words = diagnostic.address.split("/")
+    for kind, name in [*zip(words[::2], words[1::2], strict=False), *_named_in(diagnostic.values)]:
+        for section in _SECTIONS.get(kind, ()):
+            place, parent = places.key(section, name), places.key(section)
+            if (place.file, place.line, place.column) != (parent.file, parent.line, parent.column):
+                return place
+    return places.key()
+
+
+def _named_in(values: Mapping[str, Fact]) -> Iterator[tuple[str, str]]:
+    """Yield kind and name of what the values name; the first of a list."""
+    for kind in _SECTIONS:
+        named = values.get(kind) or values.get(f"{kind}s")
+        name = next(iter(named), None) if isinstance(named, tuple) else named
+        if isinstance(name, str):
+            yield kind, name

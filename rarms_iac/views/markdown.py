@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import UseCaseError
-from rarms_iac.model.commands import plain_text, sentences
+from rarms_iac.model.commands import sentences
 from rarms_iac.model.diagnostics import Diagnostic, Places, Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import counted
@@ -51,7 +51,7 @@ def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
 
 def _finding(finding: Diagnostic) -> str:
     place = f" {code(str(finding.place))}" if finding.place else ""
-    detail = safe(plain_text(sentences(finding.detail, finding.advice)))
+    detail = safe(str(sentences(finding.detail, finding.advice)))
     return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
 
 

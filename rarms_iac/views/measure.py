@@ -13,7 +13,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_range, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_value
 from rarms_iac.model.outcomes import (
     Achievement,
     Estimate,
@@ -33,7 +33,7 @@ from rarms_iac.statistics.distributions import describe_errors, describe_extreme
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.status import describe_totals
 from rarms_iac.views.table import Column, Table
-from rarms_iac.views.verdicts import describe_verdict, short_bound, skipped_sentence, why_not_known
+from rarms_iac.views.verdicts import describe_verdict, short_bound, show_bound, skipped_sentence, why_not_known
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -8,7 +8,7 @@ from rarms_iac.measuring.evidence import MeasuredIndex, indexes_of_series, measu
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.indexes import index_named, show_bound, show_value
+from rarms_iac.model.indexes import index_named, show_value
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import ReservePercent, guaranteed, show_duration, show_number, show_processors
 from rarms_iac.model.run import STREAM_NAMES
@@ -21,6 +21,7 @@ from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRows, Table
+from rarms_iac.views.verdicts import show_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

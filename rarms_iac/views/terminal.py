@@ -12,8 +12,8 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
-from rarms_iac.model.commands import Prose, Wording, plain_text
-from rarms_iac.views.console import spell_out_hidden, visible
+from rarms_iac.model.commands import Prose, Wording
+from rarms_iac.views.console import plain_text, spell_out_hidden, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import MEASURE, Prose, prose
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
 from rarms_iac.model.outcomes import Achievement, VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.model.setting import join_skipped
-from rarms_iac.model.system import Component, Threshold, run_of
+from rarms_iac.model.system import AtMost, Component, Threshold, run_of
 from rarms_iac.model.wording import counted, in_a_row, list_names, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.distributions import describe_errors
@@ -69,6 +69,11 @@ def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
         f"{list_names(names)} {'is' if len(names) == 1 else 'are'} {words}"
         for words, names in _by_words(verdicts, with_indexes=False).items()
     )
+
+
+def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
+    """`<= 100 ms`, which leaves room in a table."""
+    return f"{'<=' if isinstance(threshold, AtMost) else '>='} {show_value(index, threshold.value, threshold)}"
 
 
 def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:

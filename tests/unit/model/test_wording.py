@@ -10,17 +10,7 @@ import pytest
 
 import rarms_iac
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import (
-    APPLY,
-    DRIFT,
-    PLAN_OUT,
-    Prose,
-    RecommendedCommand,
-    command,
-    plain_text,
-    prose,
-    sentences,
-)
+from rarms_iac.model.commands import APPLY, Prose, command, prose, sentences
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.wording import (
@@ -225,20 +215,6 @@ def test_command_is_data_until_it_is_written_out() -> None:
     ]
     assert measure.text == "rarms measure vision --again --samples 200 --from 10%"
     assert command("apply", "my plan.json", f="robot").text == "rarms apply 'my plan.json' -f robot"
-
-
-@pytest.mark.parametrize(
-    ("recommended", "written"),
-    [
-        (DRIFT, "`rarms drift -f cell`"),
-        (PLAN_OUT, "`rarms plan --out FILE -f cell`"),
-        (command("explain", "RARMS014"), "`rarms explain RARMS014`"),
-        (command("apply", "FILE"), "`rarms apply FILE`"),
-        (command("plan", f="robot"), "`rarms plan -f robot`"),
-    ],
-)
-def test_command_names_the_manifest_if_it_takes_one(recommended: RecommendedCommand, written: str) -> None:
-    assert plain_text(prose("Look: ", recommended, "."), " -f cell") == f"Look: {written}."
 
 
 def test_text_and_commands_are_joined_piece_by_piece() -> None:

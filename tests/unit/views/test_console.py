@@ -5,7 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, STRONG, UNLIMITED, columns, indented, paragraph, render, stack, styled, visible
+from rarms_iac.model.commands import DRIFT, PLAN_OUT, RecommendedCommand, command, prose
+from rarms_iac.views.console import (
+    BAD,
+    STRONG,
+    UNLIMITED,
+    columns,
+    indented,
+    paragraph,
+    plain_text,
+    render,
+    stack,
+    styled,
+    visible,
+)
 from rarms_iac.views.table import Column, Row, Table, cut_row
 from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 
@@ -199,3 +212,17 @@ def test_colours_need_a_terminal() -> None:
     Terminal(out=out, err=io.StringIO(), colour=True).show(styled(("vision\x1b[31m", STRONG)))
 
     assert out.getvalue() == "\x1b[1mvision<U+001B>[31m\x1b[0m\n"
+
+
+@pytest.mark.parametrize(
+    ("recommended", "written"),
+    [
+        (DRIFT, "`rarms drift -f cell`"),
+        (PLAN_OUT, "`rarms plan --out FILE -f cell`"),
+        (command("explain", "RARMS014"), "`rarms explain RARMS014`"),
+        (command("apply", "FILE"), "`rarms apply FILE`"),
+        (command("plan", f="robot"), "`rarms plan -f robot`"),
+    ],
+)
+def test_command_names_the_manifest_if_it_takes_one(recommended: RecommendedCommand, written: str) -> None:
+    assert plain_text(prose("Look: ", recommended, "."), " -f cell") == f"Look: {written}."
