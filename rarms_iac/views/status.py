@@ -152,7 +152,7 @@ def partitions_table(host: HostOverview) -> Table:
 
 def _test_state(partition: TestPartitionStatus) -> str:
     whose = f"of {partition.application}" if partition.application else "not marked yet"
-    return f"test partition, not counted below; {'running' if partition.running else 'off'}, {whose}"
+    return f"test partition, not counted; {'running' if partition.running else 'off'}, {whose}"
 
 
 def _remarks(partition: PartitionStatus) -> Iterator[str]:

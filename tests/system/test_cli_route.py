@@ -208,7 +208,8 @@ def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> No
     assert run("snapshot", "--out", str(tmp_path / "new" / "folder")).code == 0
     assert len(list((tmp_path / "new" / "folder").iterdir())) == 2
     unknown = run("release", "nobody", "--auto-approve")
-    assert (unknown.code, unknown.err.count("carries a mark of")) == (4, 2), "each host is asked"
+    assert unknown.code == 64
+    assert "On cabinet and camera-box, sorting-line has no partition" in unknown.err, "each host is asked"
     assert run("undo", "--auto-approve").code == 0
     assert run("plan").code == 0
 

@@ -370,7 +370,7 @@ def test_setting_samples_and_script_difference_are_shown(browser: "WebDriver", r
         browser.find_element("css selector", "#the-plan details:nth-of-type(2) summary").click()
         script = browser.find_element("css selector", "#the-plan details[open]").text
         assert "which was applied last" in script
-        assert "- partition/display, step 4: start it" in script
+        assert "- partition/display, step 6: start it" in script
         keeps(browser, "script")
 
 
@@ -542,7 +542,7 @@ def test_killed_server_is_told_and_replaced(browser: "WebDriver", slow: Path) ->
     with studio(slow) as again:
         opens(browser, again)
         assert "removes the test partitions of a measurement that was cut off" in shown(browser, "next")
-        assert "test partition, not counted above; running, of slow" in shown(browser, "hosts")
+        assert "test partition, not counted; running, of slow" in shown(browser, "hosts")
         keeps(browser, "cut-off")
         browser.find_element("css selector", "#next button").click()
         browser.switch_to.active_element.click()

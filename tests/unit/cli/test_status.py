@@ -327,7 +327,7 @@ def test_test_partitions_of_a_killed_measurement_stand_apart() -> None:
     ]
     assert (host["partitions"], host["totals"]["reserved_lp"], host["totals"]["free_lp"]) == ([], 0, 1.8)
     text = rarms("status").out
-    assert "test partition, not counted below" in " ".join(text.split())
+    assert "test partition, not counted" in " ".join(text.split())
     assert "Next: `rarms start`" in text
 
 
