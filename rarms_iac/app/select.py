@@ -31,7 +31,7 @@ from rarms_iac.planner.planning_findings import NOT_MET
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
-from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured, least_of
+from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured, decide
 from rarms_iac.statistics.curves import Curve, Point, holds
 
 
@@ -132,10 +132,12 @@ def _easiest(choice: "_Choice", loads: Loads) -> str:
     if len(known) < len(loads):
         return ""
     level = _show_level(index, (max if index.smaller_is_better else min)(known))
-    apts = [(name, index.name, threshold_of(index, level))]
-    reserves = [least_of(log, apts) or log.measured[-1] for log in loads]
+    with_level = replace(choice.component, apt={index.name: threshold_of(index, level)})
+    reserve = decide([with_level], loads).verdict.reserve
+    if reserve is None:
+        return ""
     load_suffix = " beside each load" if len(loads) > 1 else ""
-    return f": {level} holds with {max(reserves)} % of its VPs{load_suffix}"
+    return f": {level} holds with {reserve} % of its VPs{load_suffix}"
 
 
 def _not_measured_yet(choice: "_Choice", host: Host, loads: Loads) -> tuple[int, int] | None:

@@ -121,7 +121,7 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
     missing = tuple(log.interference for log in logs if log not in known)
     if not known or any(_is_unusable(log) for log in logs):
         return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
-    answers = [least_of(log, apts) for log in known]
+    answers = [least_reserve((log.curves(name, index), threshold) for name, index, threshold in apts) for log in known]
     least = answers[hardest(answers)]
     asking_for_most = [log for log, answer in zip(known, answers, strict=True) if answer == least]
     decisive = max(asking_for_most, key=partial(_weight, apts=apts, least=least))
@@ -183,19 +183,6 @@ def hardest(reserves: Sequence[int | None]) -> int:
     """
     amounts = [WHOLE + 1 if reserve is None else reserve for reserve in reserves]
     return amounts.index(max(amounts))
-
-
-def least_of(log: MeasuredTogether, apts: Iterable[Apt]) -> int | None:
-    """Find the least CR that meets all these thresholds, by the log's curves.
-
-    Args:
-        log: the data log of the components together.
-        apts: component, performance index and threshold of each APT.
-
-    Returns:
-        The CR in whole per cent of each of the log's processors; None: no measured setting meets all thresholds.
-    """
-    return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
 
 
 def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], platform: str) -> NotMeasured:
