@@ -121,7 +121,7 @@ def refuse_unsigned_runs(hosts: Sequence[LiveHost], *, needs_key: bool) -> None:
 
 
 def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
-    """Whether a journal's steps or its script are those of a signed plan, or take such steps back."""
+    """Return whether a journal's steps or its script belong to a signed plan, or undo steps of one."""
     if isinstance(run, ScriptRun):
         return is_signed_script(without_signature(run.started.script), key)
     started = run.started

@@ -78,7 +78,7 @@ class MeasuringReporter:
         """
 
     def experiment_ended(self) -> None:
-        """There is nothing more to run."""
+        """Report that nothing more runs."""
 
 
 class Reporter(Protocol):
@@ -93,7 +93,7 @@ class Reporter(Protocol):
         """Hears of each setting that is measured."""
 
     def message(self, text: str) -> None:
-        """One or more whole sentences about what was done, without a line end.
+        """Show one or more whole sentences about the work done, without a line end.
 
         Args:
             text: for a person; not wrapped yet.

@@ -146,14 +146,14 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
 
 
 def _is_about(group: Group, addresses: Collection[str]) -> bool:
-    """Whether one of the addresses is that of the partition or of a component in it."""
+    """Return whether one of the addresses names the partition or a component in it."""
     return f"partition/{group.name}" in addresses or any(
         f"component/{each.name}" in addresses for each in group.members
     )
 
 
 def _exceeds_all_hosts(system: System) -> bool:
-    """Whether what components fix is more than all hosts together have, each reserve on the host where it is least."""
+    """Return whether the fixed reserves need more than all hosts have, each on the host where it is least."""
     capacities = [unseen(host).capacity for host in system.hosts.values()]
     inside = [component for component in system.components.values() if component.runs_on is RunsOn.PARTITION]
     fewest = min(host.logical_processors for host in system.hosts.values())

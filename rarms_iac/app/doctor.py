@@ -225,5 +225,5 @@ def _policies(policies: Mapping[PolicyScope, str]) -> Iterator[tuple[PolicyScope
 
 
 def _versions(texts: Iterable[str]) -> Iterator[str]:
-    """Those that are versions; anything else may be a name."""
+    """Select the version numbers; other texts may be names."""
     return (text for text in texts if _VERSION.fullmatch(text))

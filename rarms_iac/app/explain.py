@@ -212,7 +212,7 @@ class _Case:
         return self.layout is None and is_tunable and not compounds and not previous.runs
 
     def _place(self) -> tuple[Host, PlacedPartition, str]:
-        """Its place in the layout, else where it is, or on the first host that could have it; and why none has it."""
+        """Return the partition's planned, current or first possible place, and why it fits no host."""
         if self.layout is not None:
             chosen = next(each for each in self.layout.partitions if each.name == self.group.name)
             return self.system.hosts[chosen.host], chosen, ""

@@ -59,7 +59,7 @@ def log_rows(
 
 
 def _falls_short(group: Group, log: MeasuredTogether, reserve: int) -> bool:
-    """Whether a curve has a value there that is not shown to meet its threshold."""
+    """Return whether a curve has a value at the reserve that is not shown to meet its threshold."""
     pairs = ((log.curves(member.name, index), apt) for member in group.members for index, apt in member.apt.items())
     return any(curve.value_at(reserve) is not None and not holds(curve, apt, reserve) for curve, apt in pairs)
 
@@ -107,7 +107,7 @@ def _at(log: MeasuredTogether, reserve: int) -> str:
 
 
 def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str:
-    """`97 ms, at worst 98.3 ms: met`; `holds` and the curve's band decide, as for every reservation."""
+    """Write a verdict as `97 ms, at worst 98.3 ms: met`, by `holds` and the curve's band as for a reservation."""
 
     def shown(value: float) -> str:
         return show_value(index_named(index), value, threshold)

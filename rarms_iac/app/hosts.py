@@ -63,7 +63,7 @@ class Hosts:
         return replace(self, selection=replace(self.selection, hosts=names))
 
     def state_path(self, host: str) -> str:
-        """Where a simulated host's file lies, relative to the folder.
+        """Return the path of a simulated host's file, relative to the folder.
 
         Returns:
             A path with slashes; overlays have files of their own.
@@ -218,7 +218,7 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
 
 
 def _would_be_asked(host: Host) -> bool:
-    """Whether looking at the host means starting a program or connecting to it; a simulated one is a file."""
+    """Return whether reading the host starts a program or a connection; a simulated host is a file."""
     return host.provider is not ProviderKind.SIMULATED
 
 
@@ -332,7 +332,7 @@ def last_run(hosts: Hosts, name: str) -> Journal | ScriptRun | None:
 
 @contextmanager
 def host_errors() -> Iterator[None]:
-    """Inside, what goes wrong at a host ends the use case with a finding.
+    """End the use case with a finding if something goes wrong at a host within the context.
 
     Yields:
         Once, with nothing.

@@ -299,7 +299,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
 
 
 def _is_done(look: _Look, build: str) -> bool:
-    """Whether this build is in use, starts partitions with the machine, and no run of another version is open."""
+    """Return whether this build is in use, starts partitions at boot, and no run of another version is open."""
     is_current = look.versions.get(__version__) == build and look.current == __version__
     return is_current and look.boots and all(run.version == __version__ for run in look.unfinished)
 

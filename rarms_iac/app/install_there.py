@@ -169,7 +169,7 @@ def _content(archive: tarfile.TarFile) -> bytes:
 
 @contextlib.contextmanager
 def _held(places: RobotPlaces, *, make: bool) -> Iterator[None]:
-    """One installation at a time."""
+    """Let only one installation run at a time."""
     root = Path(places.versions)
     if make:
         places.builds.mkdir(mode=0o755, parents=True, exist_ok=True)

@@ -139,7 +139,7 @@ def _add_line(path: Path, line: str) -> None:
 
 
 def _is_blank(path: Path) -> bool:
-    """Whether it is a file of its own with nothing but blanks in it: there is nothing to lose."""
+    """Return whether the path is a regular file with only blanks, so that overwriting it loses nothing."""
     if path.is_symlink() or not path.is_file() or path.stat().st_size > _BLANK_BYTES:
         return False
     return not read_file(path, _BLANK_BYTES).strip()

@@ -150,7 +150,7 @@ class Validation:
     is_missing: bool = False  # a file that was named is not there
 
     def fails(self, *, strict: bool = False) -> bool:
-        """Whether there are errors, or in a strict validation warnings.
+        """Return whether there are errors, or warnings in a strict validation.
 
         Args:
             strict: whether warnings count.
@@ -280,7 +280,7 @@ def _is_manifest(file: str) -> bool:
 
 
 def _is_overlay(file: str) -> bool:
-    """Whether its keys are some of a manifest's, or misspelt ones, and none is `schema`; no YAML counts, too."""
+    """Return whether the keys are a manifest's, also misspelt, without `schema`; the file need not be valid YAML."""
     keys = {key.decode() for key in _KEY.findall(_text_of(file))}
     unknown = keys - _OVERLAY_KEYS
     shortest = _LONG if unknown == keys else 0  # a short word alone, as `host` or `task`, may be another program's

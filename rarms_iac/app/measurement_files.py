@@ -99,7 +99,7 @@ def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:
 
 @contextmanager
 def log_errors() -> Iterator[None]:
-    """Inside, a log below `measurements/` that is not as it was written ends the use case.
+    """End the use case if a log below `measurements/` is damaged.
 
     Yields:
         Once, with nothing.

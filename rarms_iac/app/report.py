@@ -156,7 +156,7 @@ def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[ReportedLog
 
 
 def _read_logs(system: System, files: Files) -> Iterator[ReportedLog]:
-    """Every log of a platform of the manifest, by path."""
+    """Read each log of a platform of the manifest, by path."""
     platforms = {host.platform for host in system.hosts.values()}
     for path in sorted((files.folder / MEASUREMENTS).glob("*/*/*.jsonl")):
         with log_errors():
@@ -212,7 +212,7 @@ def _standing(entries: Sequence[Proven]) -> list[Proven]:
 
 
 def _standing_of(entries: Sequence[Proven]) -> list[Proven]:
-    """Those of one machine. One without a load is weaker: it stands until one beside a load follows."""
+    """Select the proofs that count on one machine; one without load counts until a proof under load follows."""
     last = {entry.interference: at for at, entry in enumerate(entries)}
     without = last.pop(None, -1)
     numbers = [*last.values(), *([without] if without > max(last.values(), default=-1) else [])]
@@ -220,7 +220,7 @@ def _standing_of(entries: Sequence[Proven]) -> list[Proven]:
 
 
 def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iterator[str]:
-    """How the threshold differs from the one that was proven."""
+    """Describe the difference between the threshold now and the proven one."""
     now = system.components[entry.component].apt.get(proven.index)
     if now is None:
         yield "there is no such threshold any more"
@@ -229,7 +229,7 @@ def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iter
 
 
 def _layout_since(entry: Proven, system: System, reservations: ReservationSource) -> Iterator[str]:
-    """How the layout differs from the one in which it was proven."""
+    """Describe the difference between the layout now and the proven one."""
     host = system.hosts.get(entry.host)
     if host is None:
         yield f"there is no host {entry.host} any more"
@@ -323,7 +323,7 @@ def _changes_since(proof: ComponentProof, host: ComparedHost) -> Iterator[str]:
 
 
 def _differences(proof: ComponentProof, host: ComparedHost) -> Mapping[str, str]:
-    """By partition of then and now: how its reservation differs."""
+    """Return the change of each partition's reservation since the proof, by partition."""
     own = {proof.entry.partition: proof.entry.reserve} if proof.entry.partition else {}
     then, now = proof.entry.layout or own, host.reserves
     compared = {*then, *now} if proof.entry.layout else {*then}

@@ -157,7 +157,7 @@ def _limit(log: MeasuredTogether, host: Host) -> int:
 
 
 def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
-    """Why the level cannot be meant, with what may be; empty where it can, or where nothing was measured.
+    """Return why the level is implausible, with plausible levels; empty if it is plausible or nothing was measured.
 
     A share cannot lie far from another.
     """

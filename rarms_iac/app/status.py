@@ -247,7 +247,7 @@ def _holder(hosts: Hosts, name: str) -> str:
 
 
 def _host_overviews(hosts: Hosts, *, explain: bool) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
-    """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
+    """Describe each chosen host; also return the errors that leave the manifest without a layout."""
     looked: dict[str, tuple[str, History]] = {}  # by host: who holds it, and its runs
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:

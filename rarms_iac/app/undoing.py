@@ -98,7 +98,7 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
 
 def _different_plans(plans: Mapping[str, str]) -> RequestError:
-    """By host the plan of its last apply; hosts with the same plan are taken back together."""
+    """Ask to undo one plan at a time; hosts with the same plan are undone together."""
     message = "The last applies are of different plans: " + "; ".join(f"{name} {plan}" for name, plan in plans.items())
     first, *others = (
         reduce(lambda undo, name: undo.also(host=name), [name for name, of in plans.items() if of == plan], UNDO)
@@ -134,7 +134,7 @@ def preview(applies: Sequence[LastApply], *, keep: bool = False) -> Iterator[Und
 
 
 def can_keep(applies: Sequence[LastApply]) -> bool:
-    """Whether there are foreign values, and an undo can leave the manifest's in their place."""
+    """Return whether hosts have foreign values for which an undo can keep those of the manifest."""
     runs = [(last.host, last.journal) for last in applies if last.journal is not None]
     return any(repaired_addresses(run) for _, run in runs) and not any(why_not_kept(host, run) for host, run in runs)
 

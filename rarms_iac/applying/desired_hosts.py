@@ -169,7 +169,7 @@ def partitions_present(request: PlanRequest, observed: Mapping[str, State]) -> M
 
 
 def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
-    """Machines of others with the name of a partition: one of them may be what there is no room beside."""
+    """Find unmanaged machines with a partition's name: one of them may take the room that is missing."""
     names = {group.name for group in groups_of(system)}
     for _, state in sorted(observed.items()):
         for machine in state.partitions:
@@ -181,7 +181,7 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
 
 
 def _advise_to_settle(finding: Diagnostic) -> Diagnostic:
-    """Where hosts have too little: to settle a namesake first, before any way out."""
+    """Put the advice to settle a namesake before any other, if hosts have too little."""
     advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
     return replace(finding, advice=prose(advice)) if finding.code in NO_ROOM else finding
 

@@ -122,7 +122,7 @@ def _apply_there(host: RobotHost, plan: Plan, part: HostPlan, control: RunContro
 
 
 def refusals_of(plan: Plan, host_plan: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
-    """Why the plan must not run on this host now; nothing where it may begin, go on, or is done already."""
+    """Return why the plan must not run on this host now; empty if it may begin, continue, or is done."""
     if journal is not None and journal.unfinished:
         same = journal.started.plan == plan.id and journal.started.run is RunKind.APPLY
         return [] if same else [refusals.unfinished(host.name, journal)]
@@ -141,7 +141,7 @@ def refusals_of(plan: Plan, host_plan: HostPlan, host: LiveHost, journal: LastRu
 
 
 def finished_by(plan: Plan, journal: LastRun) -> bool:
-    """Whether the host's last run was this plan, done to its end."""
+    """Return whether the host's last run was this plan and ended well."""
     return (
         journal is not None
         and journal.closed is not None
@@ -152,7 +152,7 @@ def finished_by(plan: Plan, journal: LastRun) -> bool:
 
 
 def _has_work(host: LiveHost, host_plan: HostPlan) -> bool:
-    """Whether the host has anything to do itself: what lies in a guest of a Hyper-V host is done there, by hand."""
+    """Return whether the host itself has steps; those inside a guest of a Hyper-V host are done there, by hand."""
     if isinstance(host, ScriptedHost):
         return script_name(host_plan) in host_plan.scripts
     return bool(host_plan.steps)

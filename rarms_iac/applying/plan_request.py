@@ -59,7 +59,7 @@ def findings_of_manifest(loaded: Loaded) -> tuple[Diagnostic, ...]:
 
 
 def is_below(address: str, targets: Sequence[str]) -> bool:
-    """Whether the address is one of the targets or lies below one; True without targets."""
+    """Return whether the address is one of the targets or lies below one; True without targets."""
     return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
 
 

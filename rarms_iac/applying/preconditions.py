@@ -29,7 +29,7 @@ def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagn
 
 
 def marks_of_other_robots(observed: Iterable[State], application: Application) -> Iterator[Diagnostic]:
-    """Partitions and task classes that another robot has of the application; what names no robot is taken over.
+    """Find what another robot has of the application; marks that name no robot are taken over.
 
     Args:
         application: whose marks and records are looked at, with the name of its robot.

@@ -144,7 +144,7 @@ def without_key(plan: str) -> Diagnostic:
 
 
 def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
-    """Whether a run was this application's, and this robot's; one that names no robot is any robot's."""
+    """Return whether a run is this application's and this robot's; one that names no robot is any robot's."""
     started = journal.started
     return started.application == application.name and started.robot in {"", application.robot}
 

@@ -68,7 +68,7 @@ def _is_wanted_running(partition: Partition) -> bool:
 
 
 def _start_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
-    """Partitions run again that rarms stopped; those that are named also where it did not."""
+    """Start the partitions that rarms stopped; named ones also if rarms did not stop them."""
     for address, before in _partitions(state, request):
         assert before.mark is not None
         stopped_by = before.mark.stopped_by
@@ -179,7 +179,7 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
 
 
 def _taken(state: State, application: str, name: str, machine: Partition) -> Diagnostic | None:
-    """Why the machine cannot be adopted as this partition: it is another's, or the partition has a machine."""
+    """Return why the machine cannot be adopted: it is another's, or the partition has a machine."""
     if mark := machine.mark:
         problem = "Machine {machine} is partition {partition:quoted} of application {application:quoted}."
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"

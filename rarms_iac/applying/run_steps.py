@@ -127,7 +127,7 @@ def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_b
 
 
 def matches(live: Readings, expected: Readings) -> bool:
-    """Whether everything that is expected is so; what is not named may be anything."""
+    """Return whether each expected reading is live; others may have any value."""
     return all(name in live and live[name] == value for name, value in expected.items())
 
 

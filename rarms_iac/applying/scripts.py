@@ -63,7 +63,7 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
 
 
 def of_the_host_itself(state: State) -> State:
-    """Without what was seen inside the guests of a Hyper-V host: its own script neither sees nor changes that."""
+    """Remove readings from inside a Hyper-V host's guests: its script neither sees nor changes them."""
     if state.facts.provider is not ProviderKind.HYPERV:
         return state
     return replace(state, tasks=tuple(task for task in state.tasks if not task.inside))

@@ -74,12 +74,12 @@ def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN
 
 
 def can_be_undone(journal: Journal | ScriptRun) -> bool:
-    """Whether the last run was an apply, or an undo that was interrupted."""
+    """Return whether the last run was an apply, or an undo that was interrupted."""
     return journal.started.run is RunKind.APPLY or journal.unfinished
 
 
 def without_rights(host: LiveHost) -> RunReport | None:
-    """Why nothing is begun on a host that does not show what is there; None where the rights are proven."""
+    """Return why nothing begins on a host whose rights are not proven; None if they are."""
     facts = host.observe().facts
     if facts.rights is Rights.PROVEN:
         return None
@@ -190,7 +190,7 @@ def steps_to_undo(journal: Journal, spared: frozenset[Address] = frozenset()) ->
 
 
 def is_removal(step: Step) -> bool:
-    """Whether a machine went with this step and does not come back."""
+    """Return whether the step removed a machine that an undo does not bring back."""
     is_machine = bool(step.address.partition and not step.address.task)
     return is_machine and step.undo.operation is None and step.after.get("exists") is False
 

@@ -66,7 +66,7 @@ class Interrupts:
     """Listens while a command runs; the first signal is remembered while the work is gentle, the second ends it."""
 
     def __init__(self, on_request: Callable[[], None] = lambda: None) -> None:
-        """`on_request` is called at the signal that only asks; it must not use what a signal may have interrupted."""
+        """Take `on_request`, called at the gentle signal; it must not use what a signal may have interrupted."""
         self.exit_code: ExitCode | None = None
         self._on_request = on_request
         self.begun = False  # whether any work was done that asks for a gentle end
@@ -74,13 +74,13 @@ class Interrupts:
         self._asked = False  # whether the gentle work asked if it should end, as all work does between its pieces
 
     def should_stop(self) -> bool:
-        """Whether the work should end at the next safe place."""
+        """Return whether the work should end at the next safe place."""
         self._asked = True
         return self.exit_code is not None
 
     @contextmanager
     def gently(self) -> Iterator[None]:
-        """Inside, the first signal only asks: the work looks at `should_stop`."""
+        """Let the first signal only ask within the context: the work looks at `should_stop`."""
         before, self._asked = self.begun, False
         self._gentle = self.begun = True
         try:
@@ -91,7 +91,7 @@ class Interrupts:
 
     @contextmanager
     def at_prompt(self) -> Iterator[None]:
-        """Inside, nothing is being changed, also where the work around it is gentle: a signal ends the question."""
+        """Let a signal end a question at once, also within gentle work: nothing changes meanwhile."""
         before, self._gentle = self._gentle, False
         try:
             yield

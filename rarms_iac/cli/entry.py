@@ -103,7 +103,7 @@ def _tell(
 
 
 def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic]) -> None:
-    """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
+    """Write the findings as the JSON answer, unless there is an answer already."""
     if session.as_json and not session.terminal.answered:
         from rarms_iac.model.diagnostics import Findings, in_order
         from rarms_iac.views.json_output import json_of

@@ -76,7 +76,7 @@ def load_command(name: str) -> click.Command:
 
 
 def all_commands() -> dict[str, click.Command]:
-    """Every command by its name, in the table's order. Imports them all."""
+    """Import and return every command by name, in the table's order."""
     return {name: load_command(name) for name in COMMANDS}
 
 
@@ -114,7 +114,7 @@ class LazyGroup(click.Group):
             raise WrongRequest(RequestError(message), ctx) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
-        """All names, in the table's order."""
+        """Return all names in the table's order."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature

@@ -37,7 +37,7 @@ class OutputOptions:
     )
 
     def targets(self, session: Session) -> tuple[OutputTarget, ...]:
-        """Each form and where it goes; the session learns whether a program reads standard output.
+        """Return each form and its destination; note in the session whether a program reads standard output.
 
         Raises:
             RequestError: an unknown form, or two go to one place.
@@ -57,7 +57,7 @@ class StopOptions:
     stop_partitions: bool = flag(*STOP_PARTITIONS.flags, help=f"{STOP_PARTITIONS.help} [default: ask at a terminal]")
 
     def stops(self, *, on_busy_host: bool) -> bool:
-        """Whether they are stopped without a question.
+        """Return whether partitions are stopped without a question.
 
         Raises:
             RequestError: they are to be stopped and to go on.
@@ -146,7 +146,7 @@ def stopped(session: Session) -> ExitCode:
 
 
 def measured(findings: Sequence[Diagnostic]) -> ExitCode:
-    """How a command ends that has measured and told these findings."""
+    """Return the exit code of a command that measured and reported these findings."""
     from rarms_iac.measuring.findings import STILL_STOPPED
 
     if any(finding.code == STILL_STOPPED.code for finding in findings):

@@ -133,7 +133,7 @@ def measuring_control(session: Session, *, stop_partitions: bool) -> Control:
 
 
 def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
-    """Who says whether partitions may be stopped to measure: the option, else a user at a terminal, once a host."""
+    """Return who allows stopping partitions to measure: the option, or a user at a terminal, asked once per host."""
     if stop_partitions:
         return always_consents
     if session.as_json or not session.terminal.answers:

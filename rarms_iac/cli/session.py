@@ -32,7 +32,7 @@ class Session:
 
 
 def common_options() -> list[click.Parameter]:
-    """`--no-color`, `--debug` and `--help`, which act on the session and reach no command."""
+    """Make `--no-color`, `--debug` and `--help`, which act on the session and reach no command."""
     return [
         session_flag("--no-color", act=_without_colour, text="Write plain text; NO_COLOR=1 does the same."),
         session_flag("--debug", act=_debug, text="Show the trace of an error."),

@@ -146,7 +146,7 @@ def _update(
 
 
 def _is_unchanged(before: Partition, after: Partition) -> bool:
-    """Whether nothing has to be written: neither settings nor mark."""
+    """Return whether neither settings nor mark need writing."""
     if before.settings != after.settings or before.mark is None or after.mark is None:
         return False
     return (before.mark.name, before.mark.written) == (after.mark.name, after.mark.written)
@@ -201,7 +201,7 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
 def _machines_in_the_way(
     wanted: Mapping[str, Partition], managed: ManagedMachines, observed: State, rules: ManifestRules
 ) -> Iterator[Diagnostic]:
-    """Machines of others that have the name of a wanted partition."""
+    """Find unmanaged machines that have the name of a wanted partition."""
     for partition in observed.partitions:
         name = partition.settings.name
         is_managed = partition.mark is not None and partition.mark.application == managed.application

@@ -95,7 +95,7 @@ def stops(before: Partition, after: PartitionSettings, context: StepContext) -> 
 
 
 def disruption_of_update(before: Partition, after: PartitionSettings, context: StepContext) -> Disruption:
-    """How much a partition's change disturbs: removal, a stop, or nothing that runs.
+    """Return the disruption of a partition's change: removal, a stop, or live.
 
     Args:
         after: the settings that it is to have; another generation means that it is made again.
@@ -124,7 +124,7 @@ def disruption_of_task(inside: str) -> Disruption:
 
 
 def can_change_now(before: Partition, after: PartitionSettings, context: StepContext) -> bool:
-    """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live.
+    """Return whether rarms can do the change in the machine's state: off, running, or saved and live.
 
     What a saved machine is given, it gets once it runs: so it must be wanted running.
 

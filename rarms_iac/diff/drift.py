@@ -142,7 +142,7 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
 
 
 def _is_left_by_measurement(there: Partition) -> bool:
-    """Whether its mark says that a measurement stopped it: it is wanted running, without that."""
+    """Return whether a measurement stopped the machine: apart from that, it is wanted running."""
     return there.mark is not None and there.mark.stopped_by is StoppedBy.MEASUREMENT
 
 

@@ -68,7 +68,7 @@ class _Walk:
         self.packed_at_start = packs(everything, self.context.seen.capacity)
 
     def run_releasing_steps(self) -> None:
-        """Every step that takes nothing, as far as each change's own order lets it."""
+        """Do each step that takes nothing, as far as each change's own order allows."""
         for at in sorted(range(len(self.queue)), key=self._releasing_first):
             steps = self.queue[at]
             while steps and not steps[0].claim_before.is_less_than(steps[0].claim_after):
@@ -101,7 +101,7 @@ class _Walk:
                     progress = True
 
     def _is_any_order_safe(self) -> bool:
-        """Whether all that remains only grows towards an end that fits; then every prefix fits, in any order."""
+        """Return whether all remaining steps only grow towards an end that fits; then every prefix fits."""
         final = dict(self.claims)
         for steps in self.queue:
             for step in steps:

@@ -237,7 +237,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
 
 
 def _disk_step(removal: Step, disk: Disk) -> Step:
-    """After its machine, so that nothing has it any more; a run that was killed between the two goes on here."""
+    """Remove the disk after its machine, so that none uses it; a run killed between the two continues here."""
     operation = RemoveDisk(partition=removal.address.partition, path=disk.path, parent=disk.parent)
     return replace(
         removal,

@@ -138,7 +138,7 @@ def _name_given_up(planned: PlannedChange) -> str:
 
 
 def _step_aside(planned: PlannedChange) -> list[Step]:
-    """From the old name to one between the two."""
+    """Rename from the old name to one between the two."""
     address = planned.change.address
     return list(
         rename_mark(address, _moved_partition(planned), planned.change.reason, between=address.partition + BETWEEN)
@@ -146,7 +146,7 @@ def _step_aside(planned: PlannedChange) -> list[Step]:
 
 
 def _step_back(planned: PlannedChange) -> list[Step]:
-    """From the name between the two to the new one."""
+    """Rename from the name between the two to the new one."""
     before, address = _moved_partition(planned), planned.change.address
     assert before.mark is not None
     between = replace(before, mark=replace(before.mark, name=address.partition + BETWEEN))

@@ -83,7 +83,7 @@ def apply_acceptances(
 
 
 def is_in_force(acceptance: Acceptance, today: date) -> bool:
-    """Whether its finding may be accepted, and the day is not after its last."""
+    """Return whether the finding may be accepted and the last day is not over."""
     page = finding_page(acceptance.code)
     return page is not None and may_be_accepted(page) and not has_expired(acceptance, today)
 
@@ -99,7 +99,7 @@ def with_acceptances_in_force(system: System, today: date) -> System:
 
 
 def has_expired(acceptance: Acceptance, today: date) -> bool:
-    """Whether its last day is over."""
+    """Return whether the last day is over."""
     return acceptance.until is not None and acceptance.until < today
 
 

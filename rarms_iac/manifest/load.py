@@ -79,7 +79,7 @@ def find_manifest_above() -> str | None:
 
 
 def run_checks(system: System, places: Places, today: date) -> Sequence[Diagnostic]:
-    """Every check that needs the manifest only."""
+    """Run each check that needs the manifest only."""
     from rarms_iac.manifest import checks
 
     return checks.run_checks(system, places, today)

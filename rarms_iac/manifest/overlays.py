@@ -137,7 +137,7 @@ def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:
 
 
 def fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
-    """Whether a path is one of these; `*` stands for any step."""
+    """Return whether a path matches one of the patterns; `*` stands for any step."""
     return any(
         len(pattern) == len(path) and all(want in ("*", step) for want, step in zip(pattern, path, strict=True))
         for pattern in patterns
@@ -160,7 +160,7 @@ def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
 
 
 def _names_a_file(word: str, folder: str) -> bool:
-    """Whether a word of a command names a file in this folder, and not an option or a program."""
+    """Return whether a word of a command names a file in this folder, and no option or program."""
     if word.startswith(("./", "../")):
         return True
     try:

@@ -130,7 +130,7 @@ def forecast_line(subject: str, work: str, least_ms: float, most_ms: float) -> s
 
 
 def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[Setting], window_ms: float) -> float:
-    """How long a setting takes at least: members run together, and each has what it needs. 0: nothing tells."""
+    """Return the least duration of a setting; members run together, each as long as it needs. 0: unknown."""
     if count.goes_on:
         return least_ms(experiment, experiment.load, window_ms, earlier)
     shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)

@@ -321,7 +321,7 @@ def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
 
 
 def _or_more_time(setting: Setting, experiment: Experiment) -> str:
-    """More advice where the budget ended a setting before its steady state could show."""
+    """Add the advice to raise the budget, if it ended a setting before its steady state could show."""
     if max(len(series.samples) for series in setting.series) >= LONG:
         return ""
     return f", or allow it more time: {_setting_budget(3 * experiment.budget.at(setting.reserve), experiment)}"
@@ -369,7 +369,7 @@ def _less_unknown(
 
 
 def _fixed_anyway(experiment: Experiment, reserve: ReservePercent, places: Places) -> Iterator[Diagnostic]:
-    """Of a component measured alone: a plan takes what the manifest fixes, and not this."""
+    """Report a component measured alone whose fixed reserve a plan takes instead of the measured one."""
     for member in experiment.members if len(experiment.members) == 1 else ():
         if member.cpu.reserve is None or isinstance(member.cpu.reserve, Measured):
             continue
@@ -390,7 +390,7 @@ def _fixed_anyway(experiment: Experiment, reserve: ReservePercent, places: Place
 def _wasted_processors(
     experiment: Experiment, reserve: ReservePercent, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
-    """Of what the manifest fixes: a CR is per cent of all virtual processors, whether they are used or not."""
+    """Report fixed virtual processors that are not used: a CR is per cent of all of them."""
     processors, used = experiment.setup.processors, most_used(settings)
     if not experiment.fixes_processors or used is None or used >= processors:
         return
@@ -716,7 +716,7 @@ _TOO_NEAR = "It is too near its threshold for any number of samples: raise its r
 
 
 def _more_samples(proofs: Sequence[LayoutProof], *, load_host: bool) -> Wording:
-    """One proof for all that is not shown yet: as many samples as the index needs that needs most."""
+    """Advise one proof for all that is not shown yet, with the samples of the index that needs most."""
     many = max((verdict.samples_needed or 0 for proof in proofs for verdict in proof.not_met), default=0)
     takes = show_duration(many * sum(map(_sample_ms, proofs)))
     return prose(
@@ -727,12 +727,12 @@ def _more_samples(proofs: Sequence[LayoutProof], *, load_host: bool) -> Wording:
 
 
 def _sample_ms(proof: LayoutProof) -> float:
-    """How long its user waited for a sample of each component."""
+    """Return the user's waiting time for a sample of each component."""
     return 1000 * proof.wall_seconds / min((len(series.samples) or 1 for series in proof.series.values()), default=1)
 
 
 def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
-    """Each way out, in a sentence of its own."""
+    """Write each way out as its own sentence."""
     if not ways.helps:
         return NO_MORE_CPU
     sentences = list(_reserves(measured, ways))

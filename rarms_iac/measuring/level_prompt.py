@@ -155,7 +155,7 @@ def _extended(problem: RequestError | UseCaseError, prompt: LevelPrompt, further
 
 
 def _request_of(component: str, level: str) -> SelectRequest:
-    """`100 ms`, or with the index in front, where the level alone does not tell it."""
+    """Read a level such as `100 ms`, with the index in front if the level alone does not say it."""
     index, _, rest = level.partition(" ")
     if find_index(index) is not None and rest:
         return SelectRequest(component=component, level=rest.strip(), index=index)

@@ -125,7 +125,7 @@ class ExperimentListener(RobotReports):
         add_measurements(self.hosts.folder, path.partition("/")[0], {path: self.known[path]})
 
     def _is_own_log(self, path: str) -> bool:
-        """Whether a component of the host can have this log. A robot cannot write other logs."""
+        """Return whether a component of the host can have this log. A robot cannot write other logs."""
         system = self.hosts.system
         platform, *names = path.removesuffix(".jsonl").removesuffix(".configuration").split("/")
         members = names[0].split("+") if names else []

@@ -310,7 +310,7 @@ def remove_test_partitions(host: StepwiseHost | ScriptedMeasuringHost) -> tuple[
 
 
 def _make(host: StepwiseHost, shape: PartitionShape, scope: Scope) -> None:
-    """In the order in which a plan makes a partition: marked at once, named last."""
+    """Make a partition in the order of a plan: mark it first, name it last."""
     name = shape.name
     for operation in (
         CreatePartition(partition=name, generation=GENERATION, memory=shape.memory),

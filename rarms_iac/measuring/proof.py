@@ -245,7 +245,7 @@ def least_duration_ms(layout: AppliedLayout, scheduler_window_ms: float, budget_
 
 
 def _outlasts_budget(layout: AppliedLayout) -> bool:
-    """Whether it is said how much is measured (`run.until`), which the budget does not shorten."""
+    """Return whether `run.until` fixes the amount measured, which the budget does not shorten."""
     return any(run_of(component).until is not None for component in layout.judged)
 
 
@@ -348,7 +348,7 @@ class _Proof:
         return join_series((self.series[name], part)) if name in self.series else part
 
     def _until(self, component: Component) -> SampleCount | Elapsed:
-        """How much of a component a start takes: a part of what its thresholds need, then of what was seen.
+        """Return how much a start measures: a part of what the thresholds need, then of what was seen.
 
         Where the starts differ they are the samples: then there are more of them, as long as the first ones.
         """
@@ -368,7 +368,7 @@ class _Proof:
         return starts_differ(response_times(series.samples), series.runs)
 
     def _undecided(self, component: Component) -> bool:
-        """Whether more starts may show that a threshold is met or missed.
+        """Return whether more starts may show that a threshold is met or missed.
 
         NOTE: where starts differ, a few of them do not show whether many will decide: none is given up before the end.
         """
@@ -386,7 +386,7 @@ class _Proof:
 
 
 def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_ms: float) -> Work:
-    """All that is applied, and the load in P2."""
+    """Return everything that is applied, and the load in P2."""
     partitions = [
         PartitionWork(
             partition=name,
@@ -411,7 +411,7 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_
 
 
 def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Contender, ...]:
-    """Partitions whose consumption shows what the scheduler does; what others leave idle is theirs to use for good."""
+    """Return the partitions whose consumption shows the scheduler's behaviour; they may keep what others leave idle."""
     if not wants_all_processors(load, layout.host_processors):
         return ()
     return tuple(
@@ -467,7 +467,7 @@ def _judge_index(layout: AppliedLayout, component: Component, index: str, series
 
 
 def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -> int | None:
-    """With how many samples an index that is not shown yet probably will be, if a proof may have so many."""
+    """Return the samples that will probably decide an index; None if a proof may not have so many."""
     match verdict:
         case WithinNoise(judged=(only,)):
             count = samples_to_clear(only, series)

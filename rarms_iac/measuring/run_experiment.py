@@ -478,7 +478,7 @@ def with_result(
 
 
 def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
-    """With the time that settings took with the loads before, which share their budget with it."""
+    """Charge the budget with the time of settings under the earlier loads, which share it."""
     spent_ms: defaultdict[ReservePercent, float] = defaultdict(float)
     for setting in (setting for result in results for setting in result.settings):
         spent_ms[setting.reserve] += setting.host_ms

@@ -38,7 +38,7 @@ class Contender:
 
 
 def wants_all_processors(load: Interference | None, logical_processors: int) -> bool:
-    """Whether a load leaves no processor idle, so that consumption shows what a scheduler does.
+    """Return whether a load leaves no processor idle, so that consumption shows the scheduler's behaviour.
 
     Args:
         load: the interference; None: there is none.
@@ -274,7 +274,7 @@ class _Seen:
             self._since = self._mark()
 
     def _has_start_lasted(self) -> bool:
-        """Whether a start lasted its part of what a setting lasts at least, and of the samples of a first look.
+        """Return whether a start has its part of a setting's least duration and of a first look's samples.
 
         Where the starts so far are alike, a start lasts an eighth of all that counts.
         """

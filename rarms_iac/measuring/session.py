@@ -229,7 +229,7 @@ def _refuse_without_return(
 
 @contextmanager
 def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
-    """At the end, start what a measurement stopped on the held hosts: this one, or an earlier one that was killed.
+    """Start, at the end, what this measurement or one that was killed stopped on the held hosts.
 
     Args:
         session: Its hosts must still be held at the end. Its reporter hears what was started; after an exception, what

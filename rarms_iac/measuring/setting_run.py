@@ -166,7 +166,7 @@ def _try_setting(
         return other_processors(experiment, used()) is None
 
     def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
-        """As the log records it, so that a run that goes on from the log decides by the same numbers."""
+        """Round a setting as the log records it, so that a run continued from the log decides by equal numbers."""
         measured, spent_ms = tuple(seen[name] for name in sorted(seen)), empty.host_ms + elapsed_ms
         return as_recorded(replace(empty, series=measured, spent_ms=spent_ms, used_processors=used()))
 
@@ -205,7 +205,7 @@ def _try_setting(
 def _contenders(
     experiment: Experiment, resources: MeasuringResources, reserve: ReservePercent
 ) -> tuple[Contender, ...]:
-    """P1, where P2 wants all that it does not reserve; what others reserve and leave idle is shared, and no excess."""
+    """Return P1 if P2 wants everything unreserved; idle reserves of others are shared and are no excess."""
     others = any(claim.reserve and claim.processors for claim in resources.claims)
     if others or not wants_all_processors(experiment.load, resources.capacity.logical_processors):
         return ()

@@ -281,7 +281,7 @@ def _ways_out(subject: TuningSubject, strategy: TuningStrategy, places: Places) 
 
 
 def _fixed_part(subject: TuningSubject) -> str:
-    """As in: , 0.3 LP of it by camera and door, which are not tuned; empty where all are tuned."""
+    """Write as `, 0.3 LP of it by camera and door, which are not tuned`; empty if all are tuned."""
     tuned = {coi.name for coi in subject.cois}
     names = [item.name for item in subject.problem.items if item.name not in tuned and least_cost(item)]
     if not names:
@@ -341,7 +341,7 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
 
 
 def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]:
-    """Whether what the manifest says now can be planned."""
+    """Report a manifest that still has no layout."""
     if isinstance(solve(problem_around(hosts.reloaded(), observe_hosts(hosts))), Layout):
         return
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))

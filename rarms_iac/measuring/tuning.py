@@ -369,7 +369,7 @@ class Experiments:
         return frozenset()
 
     def _worse_with_load(self, experiment: Experiment, members: Members, reserve: ReservePercent) -> frozenset[str]:
-        """Those that one load has miss a threshold: what stands up to all loads stands up to each."""
+        """Return the members that miss a threshold under one load: to pass all loads is to pass each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         self._measured_with[members, result.interference] = result
         match result.conclusion:

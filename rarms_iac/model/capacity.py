@@ -41,7 +41,7 @@ class CheckedCapacity(Capacity):
     deadline: int | None = None  # per cent of one logical processor, in all; None: no deadline counts
 
     def admits(self, claims: Iterable[Claim]) -> bool:
-        """Whether the kernel admits the deadlines among these claims.
+        """Return whether the kernel admits the deadlines among these claims.
 
         Returns:
             True also where no deadline counts.
@@ -121,7 +121,7 @@ def shared_processors(host: Host, logical_processors: int) -> LogicalProcessors:
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
-    """Whether the host can keep all these promises at once; no where that is not known, as of `decide_fit`.
+    """Return whether the host can keep all promises at once; False if unknown, as of `decide_fit`.
 
     Args:
         claims: all promises, those to unmanaged machines included.
@@ -140,7 +140,7 @@ class Effort:
 
 
 def decide_fit(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = None) -> bool | None:
-    """Whether the host can keep all these promises at once; None: the search for places gave up.
+    """Return whether the host can keep all promises at once; None: the search for places gave up.
 
     What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
     can use what is left on each (windows.md 2, minroot).
@@ -162,7 +162,7 @@ def decide_fit(capacity: Capacity, claims: Iterable[Claim], effort: Effort | Non
 
 
 def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
-    """Whether every reserved virtual processor finds a logical one, or a core, that has so much left (windows.md 1.2).
+    """Return whether each reserved virtual processor finds an LP, or a core, with room (windows.md 1.2).
 
     Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is not made.
 
@@ -176,7 +176,7 @@ def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
 
 
 def decide_packing(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = None) -> bool | None:
-    """Whether claims pack onto a host; None: the exact search gave up, so that neither is known.
+    """Return whether claims pack onto a host; None: the exact search gave up.
 
     It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
 
@@ -203,7 +203,7 @@ def decide_packing(claims: Iterable[Claim], capacity: Capacity, effort: Effort |
 
 
 def packs_by_first_fit(claims: Iterable[Claim], capacity: Capacity) -> bool:
-    """Whether first fit, the largest first, finds a place for each, as scripts for Hyper-V ask before each promise.
+    """Return whether first fit, the largest first, places all, as Hyper-V scripts ask before each promise.
 
     Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.
 

@@ -39,7 +39,7 @@ class Address(OutputText):
         return bool(self.partition and self.task)
 
     def __str__(self) -> str:
-        """As findings, plans and `--target` write it."""
+        """Write the address as findings, plans and `--target` do."""
         return f"partition/{self.in_short}" if self.partition else self.in_short
 
     @property

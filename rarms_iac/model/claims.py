@@ -30,7 +30,7 @@ class Claim:
         return self.idle * self.reserve
 
     def is_less_than(self, after: "Claim") -> bool:
-        """Whether `after` promises more processor time or memory than this.
+        """Return whether `after` promises more processor time or memory than this.
 
         Returns:
             False: going from this to `after` needs nothing more of the host.

@@ -75,7 +75,7 @@ class Prose(OutputText):
         return "".join(piece if isinstance(piece, str) else f"`{piece.text}`" for piece in self.pieces)
 
     def __bool__(self) -> bool:
-        """Whether there is any text or command."""
+        """Return whether there is any text or command."""
         return bool(self.pieces)
 
     @property

@@ -238,7 +238,7 @@ def remainder(shown: Diagnostic, number: int) -> Diagnostic:
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:
-    """Whether one of them is an error."""
+    """Return whether one of them is an error."""
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 

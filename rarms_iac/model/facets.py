@@ -220,7 +220,7 @@ def _change_text(name: str, old: PartitionSettings, to: PartitionSettings) -> st
 
 
 def _reserve_change(old: PartitionSettings, to: PartitionSettings) -> str:
-    """From what to what in logical processors, and in per cent of the machine's own."""
+    """Write a reserve's change in logical processors, and in per cent of the machine's own."""
     percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
     if old.processors != to.processors:
         percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"

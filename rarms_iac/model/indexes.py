@@ -141,7 +141,7 @@ def percentile_index(name: str) -> PerformanceIndex | None:
 
 
 def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
-    """`100 ms` as what the index must not exceed, or must reach.
+    """Read `100 ms` as a maximum or a minimum, as the index has it.
 
     Raises:
         NotAQuantity: it is no number with a unit of the index.
@@ -170,7 +170,7 @@ def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Thre
 
 
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
-    """`93.5 to 94.8 ms`, of measured bounds; a side without one says so: `at least 93.5 ms, no upper bound yet`."""
+    """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`."""
     match isfinite(lower), isfinite(upper):
         case True, False:
             return f"at least {show_value(index, lower)}, no upper bound yet"
@@ -183,5 +183,5 @@ def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
 
 
 def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
-    """`at most 100 ms`."""
+    """Write a threshold as `at most 100 ms`."""
     return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value, threshold)}"

@@ -42,7 +42,7 @@ class PriorityValues:
 
 
 def values_within(request: TaskRequest) -> tuple[PriorityValues, ...]:
-    """All values that what is fixed leaves possible, the highest threads first; of alike ones only one."""
+    """Return all values that the fixed ones allow, the highest threads first; of alike ones only one."""
     categories = tuple(TaskCategory) if request.category is None else (request.category,)
     found = {
         level_values.thread_priority: level_values
@@ -53,7 +53,7 @@ def values_within(request: TaskRequest) -> tuple[PriorityValues, ...]:
 
 
 def _in_category(category: TaskCategory, request: TaskRequest) -> Iterator[PriorityValues]:
-    """From the highest down; of 8 and 7 in Medium, which are alike, the last.
+    """Yield from the highest down; of 8 and 7 in Medium, which are alike, the last.
 
     The number that the category does not go by is the other one, so that who read that would find the same order.
     """
@@ -93,5 +93,5 @@ def taken_for(percent: int) -> int:
 
 
 def is_taken_as_is(percent: int) -> bool:
-    """Whether it is 10, 20, ... 90: every version of Microsoft's page means the same by these."""
+    """Return whether it is 10, 20, ... 90: all versions of Microsoft's page agree on these."""
     return percent != OFF and taken_for(percent) == percent

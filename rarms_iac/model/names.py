@@ -24,7 +24,7 @@ _NAME = re.compile(NAME_PATTERN.removesuffix("$") + r"\Z")
 
 
 def is_name(text: str) -> bool:
-    """Whether an application, host, partition, component or interference may be called so."""
+    """Return whether an application, host, partition, component or interference may have this name."""
     return _NAME.match(text) is not None
 
 
@@ -68,12 +68,12 @@ _TASK = re.compile(TASK_PATTERN.removesuffix("$") + r"\Z")
 
 
 def is_task(text: str) -> bool:
-    """Whether a task class may be called so."""
+    """Return whether a task class may have this name."""
     return _TASK.match(text) is not None
 
 
 def is_shipped_task(text: str) -> bool:
-    """Whether Windows brings a task class of this name, in any case."""
+    """Return whether Windows ships a task class of this name, in any case."""
     return text.lower() in {name.lower() for name in SHIPPED_TASKS}
 
 
@@ -120,7 +120,7 @@ def renaming(there: Collection[str], wanted: Collection[str], moved: Mapping[str
 
 
 def _clash(new: Mapping[str, str]) -> list[str]:
-    """Names that would move onto a name that another one takes or keeps."""
+    """Return names that would move onto a name that another one takes or keeps."""
     takers: dict[str, list[str]] = {}
     for name, goal in new.items():
         takers.setdefault(goal, []).append(name)

@@ -49,7 +49,7 @@ class CreatePartition:
 
 
 def disk_path(making: CreatePartition, plan: str, usual: str) -> str:
-    """Where the disk lies that a plan makes for a partition: in the partition's folder, or in the host's own.
+    """Return the path of a planned partition's disk: in the partition's folder, or in the host's own.
 
     Args:
         plan: its id, which the file's name holds.
@@ -229,7 +229,7 @@ FORCED_MS = 300_000
 
 
 def forced_after_ms(grace_ms: int) -> int:
-    """When a guest on Hyper-V that was asked to shut down is forced to.
+    """Return when a Hyper-V guest that was asked to shut down is forced to.
 
     Args:
         grace_ms: milliseconds until its machine is turned off.

@@ -164,41 +164,41 @@ def show_number(value: float, *others: float) -> str:
 
 
 def show_percent(value: Fraction | int) -> str:
-    """`70 %`."""
+    """Write as `70 %`."""
     return f"{plain(value)} %"
 
 
 def show_processors(value: Fraction | int) -> str:
-    """`1.4 LP`, `0.33 LP`, `0.004 LP`: a rounded amount; `show_amount` writes the exact one."""
+    """Write a rounded amount as `1.4 LP` or `0.004 LP`; `show_amount` writes the exact one."""
     exact = Fraction(value)
     return f"{exact.numerator if exact.denominator == 1 else _rounded(float(exact), 2)} LP"
 
 
 def share_of_processors(percent: Fraction | int, processors: int) -> str:
-    """`26 % of its 1 VP`, `80 % of its 2 VPs`: a share of a partition's own virtual processors, always with them."""
+    """Write a share of a partition's own virtual processors, with their number: `26 % of its 1 VP`."""
     return f"{plain(percent)} % of its {processors} VP{'' if processors == 1 else 's'}"
 
 
 def share_of_host(amount: Fraction | int, whole: Fraction | int, host: str) -> str:
-    """`13 % of onboard`: a share of a host's logical processors, always with its name; none where it has none."""
+    """Write a share of a host's logical processors, with its name: `13 % of onboard`; empty if it has none."""
     if not whole:
         return ""
     return f"{_rounded(float(100 * Fraction(amount) / whole), 1)} % of {host}"
 
 
 def show_reserve(percent: int, processors: int) -> str:
-    """`0.26 LP (26 % of its 1 VP)`: a reservation or limit of a partition."""
+    """Write a partition's reservation or limit as `0.26 LP (26 % of its 1 VP)`."""
     amount = show_processors(guaranteed(percent, processors))
     return f"{amount} ({share_of_processors(percent, processors)})"
 
 
 def show_lp_percent(percent: int) -> str:
-    """`1.4 LP` for 140 per cent of one logical processor, the unit of totals."""
+    """Write per cent of one logical processor, the unit of totals, as `1.4 LP`."""
     return show_processors(Fraction(percent, 100))
 
 
 def show_bytes(value: int, *others: int) -> str:
-    """`512 MiB`, `3.5 GiB`: memory as it is shown, from 1 GiB on in GiB with one decimal; exact is `write_bytes`.
+    """Write memory as `512 MiB`, from 1 GiB on with one decimal as `3.5 GiB`; `write_bytes` is exact.
 
     Args:
         value: bytes.
@@ -222,7 +222,7 @@ def _decimals(value: int, whole: int, places: int) -> str:
 
 
 def write_bytes(value: int) -> str:
-    """`512 MiB`, `1537 MiB`, `4 GiB`: memory exactly, as a manifest takes it, a step sets it and a data log has it.
+    """Write memory exactly, as a manifest, a step and a data log have it: `1537 MiB`, `4 GiB`.
 
     Args:
         value: bytes.
@@ -259,7 +259,7 @@ def machine_memory(wanted: int) -> Bytes:
 
 
 def show_milliseconds(value: Fraction | int) -> str:
-    """`88 ms`, `2 s`: the largest of min, s, ms, us that keeps it short."""
+    """Write a time as `88 ms` or `2 s`, in the largest of min, s, ms, us that keeps it short."""
     exact = Fraction(value)
     for unit in ("min", "s"):
         if exact and exact % UNITS[Unit.TIME][unit] == 0:
@@ -270,7 +270,7 @@ def show_milliseconds(value: Fraction | int) -> str:
 
 
 def show_duration(milliseconds: float) -> str:
-    """How long something takes, for a person: `0.4 s`, `25 s`, `7 min`, `2 h 40 min`; above a second no fractions."""
+    """Write a duration for a person: `0.4 s`, `25 s`, `7 min`, `2 h 40 min`; no fractions above a second."""
     seconds = milliseconds / 1000
     if seconds < 1:
         return f"{seconds:.1g} s"

@@ -123,7 +123,7 @@ class SeenHost:
         return frozenset(machine.settings.name for machine in self.state.partitions) - own
 
     def is_pinned(self, partition: str) -> bool:
-        """Whether the partition is there and may not be removed as it is."""
+        """Return whether the partition is on the host and may not be removed as it is."""
         there = self.present.get(partition)
         return there is not None and (bool(there.ties) or there.state in {RunState.BUSY, RunState.CRITICAL})
 

@@ -327,7 +327,7 @@ class State:
         return self.facts.provider is not ProviderKind.HYPERV and not has_disk
 
     def of(self, application: str) -> "State":
-        """Only what carries this application's mark; facts and serials stay."""
+        """Return only what carries this application's mark; facts and serials stay."""
         return replace(
             self,
             partitions=tuple(p for p in self.partitions if p.mark and p.mark.application == application),

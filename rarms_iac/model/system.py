@@ -46,7 +46,7 @@ class Disruption(StrEnum):
     REMOVAL = "removal"
 
     def exceeds(self, limit: "Disruption") -> bool:
-        """Whether it disturbs more than the limit allows."""
+        """Return whether it disturbs more than the limit allows."""
         order = list(Disruption)
         return order.index(self) > order.index(limit)
 
@@ -232,7 +232,7 @@ class Component:
     new: Annotated[bool, Key("In an overlay: the manifest has no component of this name.")] = False
 
     def may_run_on(self, host: str) -> bool:
-        """Whether the manifest allows it on the host of this name.
+        """Return whether the manifest allows it on the host of this name.
 
         Returns:
             True where it names no hosts, too.
@@ -241,7 +241,7 @@ class Component:
 
 
 def run_of(component: Component) -> Run:
-    """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""
+    """Return how a component is run; without a `run`, as on a simulated host, with the usual values."""
     run = SIMULATED_ONLY if component.run is None else component.run
     within = None if component.simulation is None else component.simulation.success_within
     return replace(run, success_within=within, rates_success="success_rate" in component.apt)

@@ -33,7 +33,7 @@ def list_names(names: Iterable[str], most: int = MOST_NAMES) -> str:
 
 
 def list_others(names: Sequence[str], without: Collection[str], most: int = MOST_NAMES) -> str:
-    """`list_names` of those that are left without these; it takes no longer where there are many.
+    """List the names that are left without these; the cost does not grow with their number.
 
     Args:
         names: in the order in which they are shown, each once; at least one that is shown.
@@ -49,7 +49,7 @@ def number(many: int) -> str:
 
 
 def counted(many: int, noun: str) -> str:
-    """`1 error`, `2 errors`."""
+    """Write a number with its noun: `1 error`, `2 errors`."""
     return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
 
 
@@ -176,7 +176,7 @@ def _folded(word: str) -> str:
 
 
 def distance(word: str, other: str, limit: int) -> int:
-    """How many letters were changed, left out, added, or swapped with a neighbour; above the limit: limit + 1."""
+    """Count letters changed, left out, added, or swapped with a neighbour; above the limit: limit + 1."""
     before: list[int] = []
     previous = list(range(len(other) + 1))
     for row, letter in enumerate(word, 1):

@@ -28,7 +28,7 @@ class Group:
         return any(member.apt for member in self.members)
 
     def may_run_on(self, host: str) -> bool:
-        """Whether the manifest allows all members on the host of this name.
+        """Return whether the manifest allows all members on the host of this name.
 
         Returns:
             True where they name no hosts, too.

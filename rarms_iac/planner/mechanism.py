@@ -162,7 +162,7 @@ IGNORED_RESERVES = "RARMS159"
 
 
 def ignores_reserves(facts: HostFacts) -> bool:
-    """Whether the host's scheduler honours no reserve, limit or weight.
+    """Return whether the host's scheduler honours no reserve, limit or weight.
 
     Args:
         facts: of the host; a client Windows that does not tell its scheduler has the root scheduler.
@@ -175,7 +175,7 @@ def ignores_reserves(facts: HostFacts) -> bool:
 
 
 def asks_for_processors(settings: PartitionSettings) -> bool:
-    """Whether a partition has a reserve or a limit that a scheduler has to honour.
+    """Return whether a partition has a reserve or a limit that a scheduler has to honour.
 
     Returns:
         False: any scheduler will do.
@@ -184,7 +184,7 @@ def asks_for_processors(settings: PartitionSettings) -> bool:
 
 
 def takes_image(generation: int, image: str) -> bool:
-    """Whether a new machine can have a disk that grows out of this image.
+    """Return whether a new machine can have a disk that grows out of this image.
 
     Args:
         generation: of the machine; 2 takes no .vhd, and a child has its parent's format.
@@ -197,7 +197,7 @@ def takes_image(generation: int, image: str) -> bool:
 
 
 def has_switch(switches: Collection[str] | None, switch: str) -> bool:
-    """Whether the host has the virtual switch that a machine is to be connected to.
+    """Return whether the host has the virtual switch that a machine is to be connected to.
 
     Args:
         switches: of the host; None: not known.
@@ -210,7 +210,7 @@ def has_switch(switches: Collection[str] | None, switch: str) -> bool:
 
 
 def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
-    """Whether a machine lies on no single NUMA node of a host where none may lie on two.
+    """Return whether a machine fits no single NUMA node of a host where none may span two.
 
     Args:
         memory: of the machine, bytes.
@@ -223,7 +223,7 @@ def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
 
 
 def cannot_be_made(partition: PlacedPartition, host: State) -> bool:
-    """Whether a check refuses to make a partition on a host where it is not yet.
+    """Return whether a check refuses to make a partition on a host where it is not yet.
 
     Args:
         switches: names of the host's virtual switches; None: not known.
@@ -238,7 +238,7 @@ def cannot_be_made(partition: PlacedPartition, host: State) -> bool:
 
 
 def cannot_have_reserve(settings: PartitionSettings, group: Group, seen: SeenHost, policy: Policy) -> bool:
-    """Whether a check refuses what a partition asks of the scheduler of a host, with other partitions or without.
+    """Return whether a check refuses what a partition asks of a host's scheduler, with others or alone.
 
     Args:
         facts: what was observed of the host; None: not looked at.

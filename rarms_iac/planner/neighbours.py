@@ -115,7 +115,7 @@ def _steady_loads_finding(
 
 
 def _limit_ms(index: str, threshold: Threshold, member: Component) -> float | None:
-    """By when the latest jobs have to answer; None: the index is not about them, or nothing says it."""
+    """Return by when the latest jobs must answer; None: the index is not about them, or no limit is set."""
     if index == "deadline_miss_rate":
         deadline = run_of(member).deadline
         return None if deadline is None else float(deadline)
@@ -127,7 +127,7 @@ def _limit_ms(index: str, threshold: Threshold, member: Component) -> float | No
 
 
 def _is_periodic_mean(index: str, member: Component) -> bool:
-    """Whether it is the mean of jobs that come when they are due; jobs that follow one another wait for no window."""
+    """Return whether it is the mean of periodic jobs; jobs that follow one another wait for no window."""
     return index == "mean_response_time" and isinstance(run_of(member).arrival, Periodic)
 
 
@@ -138,7 +138,7 @@ def _has_steady_loads(group: Group, around: _Surroundings) -> bool:
 
 
 def _work_ms(member: Component, group: Group, partition: PlacedPartition, around: _Surroundings) -> float | None:
-    """How long a job works by its reservation; None: it was not measured."""
+    """Return how long a job works by its reservation; None: it was not measured."""
     answer = around.problem.reservations.look_up(group.members, around.host)
     job_ms = answer.job_ms.get(member.name) if isinstance(answer, LookedUp) else None
     return None if job_ms is None else job_ms / (partition.settings.reserve / 100)

@@ -112,7 +112,7 @@ def meets_by_deadline(tasks: Sequence[Task], resource: Resource) -> bool:
 
 
 def _deadlines(tasks: Sequence[Task]) -> Iterator[int]:
-    """When jobs are due that are released as early as can be, in ticks from then, ascending; without end."""
+    """Yield the due times of jobs released as early as possible, in ticks from then, ascending, without end."""
 
     def of(task: Task) -> Iterator[int]:
         at = task.deadline

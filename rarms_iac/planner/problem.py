@@ -136,7 +136,7 @@ def system_around(problem: Problem, hosts: Collection[str]) -> System:
 
 
 def _homes(group: Group, problem: Problem) -> set[str]:
-    """Where the search may place a partition; if its size is not known, where the manifest allows it."""
+    """Return where the search may place a partition; if its size is unknown, where the manifest allows it."""
     item = next((item for item in problem.items if item.name == group.name and item.claims), None)
     return set(item.claims) if item else {name for name in problem.system.hosts if group.may_run_on(name)}
 
@@ -350,7 +350,7 @@ def _causes(problem: Problem) -> Iterator[Diagnostic]:
 
 
 def _on_hosts(system: System) -> tuple[tuple[str, str], ...]:
-    """Components outside partitions, on every host that they may run on: each may need their class."""
+    """Return components outside partitions with each host that they may run on: each may need their class."""
     return tuple(
         (component.name, host)
         for component in sorted(system.components.values(), key=lambda component: component.name)

@@ -180,7 +180,7 @@ def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Diagnost
 
 
 def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Diagnostic | None:
-    """Why a partition that wants so many LPs, with so many virtual processors, does not fit an empty host."""
+    """Return why a partition of so many LPs and virtual processors does not fit an empty host."""
     reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
     if reserve > 100:
         return UNUSABLE_RESERVE.at(
@@ -228,7 +228,7 @@ def _processors(group: Group, host: Host, reservations: ReservationSource) -> in
 
 
 def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int:
-    """On Linux every limit below the whole host is a quota."""
+    """Return the period of a Linux quota; every limit below the whole host is a quota."""
     if host.provider is not ProviderKind.LINUX or (limit == OPEN and processors >= host.logical_processors):
         return 0
     return quota_period_us(shortest_apt_ms(group), limit * processors)

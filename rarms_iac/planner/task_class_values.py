@@ -137,7 +137,7 @@ def _is_unwanted(request: TaskRequest, category: TaskCategory) -> bool:
 
 
 def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool, bool, bool]:
-    """One class's part of a `Cost`."""
+    """Return one class's part of a `Cost`."""
     is_near = option.thread == ceiling - 1
     is_out = not floor <= option.thread < ceiling
     return is_out, option.is_against, is_near and not option.is_low, is_near and option.is_low, option.is_free_and_low

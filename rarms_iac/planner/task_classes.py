@@ -116,7 +116,7 @@ def _class_values(request: TaskRequest, users: Sequence[Component], values: Prio
 
 
 def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
-    """Every class against those that are to rank below it."""
+    """Compare each class with those that are to rank below it."""
     for upper in decided:
         wrong = [
             lower

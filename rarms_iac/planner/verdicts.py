@@ -138,7 +138,7 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
 
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
-    """Whether a data log is stale or damaged; then there is no verdict until it is measured again."""
+    """Return whether a data log is stale or damaged: without a new measurement there is no verdict."""
     return isinstance(log, NotMeasured) and log.why.code != planning_findings.UNMEASURED.code
 
 

@@ -134,7 +134,7 @@ class NewFiles:
         return f"{creation.partition}.rarms-{self.plan}"
 
     def disk(self, creation: operations.CreatePartition) -> str:
-        """Its disk: in the partition's folder, or in the host's own.
+        """Return the disk's path: in the partition's folder, or in the host's own.
 
         Raises:
             NoLiteral: the host did not tell its folder.

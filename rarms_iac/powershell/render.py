@@ -395,7 +395,7 @@ def _step_text(guarded: _GuardedPiece) -> StepText:
 
 
 def _without_implied(before: Readings, after: Readings) -> tuple[Readings, Readings]:
-    """Without what the others say: `running` beside `state`, and `exists` where it stays true beside anything."""
+    """Drop readings that others imply: `running` with `state`, and `exists` if it stays true."""
     implied = {"running"} if "state" in before and "state" in after else set()
     if before.get("exists") is True and after.get("exists") is True:
         implied.add("exists")

@@ -261,7 +261,7 @@ def receiver_text() -> str:
 
 
 def part_text(name: str) -> str:
-    """One of `MEASURING_PARTS`, with LF."""
+    """Return one of `MEASURING_PARTS`, with LF."""
     return template_text(f"parts/{name}.ps1")
 
 

@@ -170,7 +170,7 @@ class Channel(QueuedConversation):
 if sys.platform == "win32":
 
     def _start(words: Sequence[str]) -> "tuple[subprocess.Popen[bytes], Callable[[], None]]":
-        """In a job object, which ends all that it started; it does not end with rarms, as a script must not."""
+        """Start the process in a job object, which ends all that it started; a script must outlive rarms."""
         import win32job
 
         group = subprocess.CREATE_NEW_PROCESS_GROUP

@@ -270,7 +270,7 @@ class EventListener(Protocol):
         """Take a line of the script's output that is no event, without its line end."""
 
     def should_stop(self) -> bool:
-        """Whether the script should end before its next step; asked a few times a second.
+        """Return whether the script should end before its next step; asked a few times a second.
 
         Returns:
             True from the request on.

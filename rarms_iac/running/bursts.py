@@ -20,7 +20,7 @@ SHORTEST_GAP, LONGEST_GAP = 0.5, 1.5
 
 
 def main(words: list[str]) -> int:
-    """Be the one that wakes the others, or one of these."""
+    """Run as the process that wakes the others, or as one of these."""
     if words[0] == "one":
         return burst_when_told(int(words[1]), int(words[2]))
     return wake_together(*map(int, words))

@@ -72,7 +72,7 @@ class ComponentRun:
         self._samples.close()
 
     def series(self) -> Series:
-        """All samples so far; once it is closed, with the processor time of all of the component's processes."""
+        """Return all samples so far; after closing, with the processor time of all of the component's processes."""
         return Series(
             component=self.component,
             samples=tuple(self._record.samples),
@@ -188,7 +188,7 @@ def _read_samples(messages: queue.Queue[_Message], running: int) -> Iterator[tup
 
 
 def _read_run(run: ComponentRun, messages: queue.Queue[_Message]) -> None:
-    """In a thread: read one component's samples, and close it."""
+    """Read one component's samples and close it; runs in a thread."""
     last: BaseException | None = None
     try:
         with run:

@@ -34,7 +34,7 @@ def main(words: list[str]) -> int:
 
 
 def watch(number: int, program: list[str], expected: bytes, messages: "queue.Queue[tuple[int, int | None]]") -> None:
-    """In a thread: start an instance, send None when it runs and its exit code when it ends, pass its errors on."""
+    """Start an instance, send None when it runs and its exit code at the end, pass on its errors; runs in a thread."""
     nothing = subprocess.DEVNULL
     try:
         process = subprocess.Popen(program, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE)

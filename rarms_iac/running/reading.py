@@ -220,7 +220,7 @@ def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Readi
 
 
 def look_up(values: Mapping[str, Any], field: Field) -> tuple[bool, Any]:
-    """Whether the field is there, and its value: a key as it is written, or a path of keys with dots between."""
+    """Return whether the field exists, and its value: a key as written, or a path of keys with dots between."""
     if field.field in values:
         return True, values[field.field]
     value: Any = values
@@ -248,7 +248,7 @@ def number(value: object) -> float | None:
 
 
 def truth(value: object) -> bool | None:
-    """1 or 0, true or false, also as text; None where it is neither."""
+    """Read 1 or 0, true or false, also as text; None for anything else."""
     text = str(value).strip().lower() if isinstance(value, bool | int | float | str) else ""
     return {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False}.get(text)
 

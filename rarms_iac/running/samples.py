@@ -88,7 +88,7 @@ class SampleRecord:
         self.skipped = skip_line(self.skipped, self._hide(line))
 
     def is_over(self, at: float) -> bool:
-        """Whether the setting has lasted long enough at this time; it then ends."""
+        """Return whether the setting has lasted long enough at this time; it then ends."""
         over = self.over
         if over is None or at < over:
             return False
@@ -286,7 +286,7 @@ def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[S
 
 
 def _due(record: SampleRecord, number: int) -> float | None:
-    """When the job is to start; None: at once, and that is when it counts from."""
+    """Return when the job is to start; None: at once, and its time counts from then."""
     if record.period is None or not record.has_begun:
         return None
     return record.begin(0.0) + number * record.period

@@ -92,7 +92,7 @@ class StartContext:
 
 
 def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
-    """How the component is started.
+    """Return the order to start the component.
 
     Raises:
         CannotStart: a folder, a program or a variable of rarms' own environment is not there.

@@ -234,7 +234,7 @@ class Supervisor:
                 self._cpu_ms = event["cpu_ms"]
 
     def _read_output(self, stream: IO[bytes]) -> None:
-        """In a thread: read standard output to its end."""
+        """Read standard output to its end; runs in a thread."""
         lines = _Lines(self._mark)
         while piece := _read(stream):
             events = lines.cut(piece, time.perf_counter())
@@ -248,7 +248,7 @@ class Supervisor:
         self._events.put(events)
 
     def _read_errors(self, stream: IO[bytes]) -> None:
-        """In a thread: keep the end of standard error."""
+        """Keep the end of standard error; runs in a thread."""
         while piece := _read(stream):
             self._tail = (self._tail + piece)[-TAIL:]
 
@@ -294,7 +294,7 @@ def _read(stream: IO[bytes]) -> bytes:
 
 
 def ended_by_itself(ended: ProcessEnded) -> bool:
-    """Whether it ended by itself with exit code 0."""
+    """Return whether it ended by itself with exit code 0."""
     return ended.code == 0 and ended.signal == 0
 
 

@@ -122,7 +122,7 @@ class PosixSupervisor:
             self._send_event(event="cannot", message=problem_text.decode("utf-8", "replace"))
 
     def _exec_component(self, report: int) -> None:
-        """In the new process: become the component, or say why not."""
+        """Become the component, in the new process, or report why not."""
         try:
             os.setsid()
             signal.set_wakeup_fd(-1)
@@ -184,7 +184,7 @@ class PosixSupervisor:
         self._pid, self._exit, self._asked, self._kill_at = 0, None, False, None
 
     def _send_event(self, **fields: object) -> None:
-        """One write, which a pipe does not tear; the component may have left a line without end."""
+        """Write once: a pipe does not tear that, and the component may have left a line without end."""
         os.write(1, b"\n" + self._mark + json.dumps(fields).encode() + b"\n")
 
 

@@ -304,7 +304,7 @@ def _bounds_of_falling(lowers: Sequence[float], uppers: Sequence[float]) -> tupl
 
 
 def _between(below: Point, above: Point, reserve: float, index: str) -> Point:
-    """On the straight line, between the bounds that hold right of the one and left of the other point."""
+    """Interpolate; the bounds are those that hold right of the one and left of the other point."""
     part = (reserve - below.reserve) / (above.reserve - below.reserve)
     value = (1.0 - part) * below.value + part * above.value
     if index in _MAY_BE_WORSE_WITH_MORE:

@@ -57,7 +57,7 @@ def share_below(value: float, a: float, b: float) -> float:
 
 
 def _continued_fraction(value: float, a: float, b: float) -> float:
-    """1 + d1/(1 + d2/(1 + ...)), whose inverse times the front factor is the distribution function."""
+    """Return 1 + d1/(1 + d2/(1 + ...)); its inverse times the front factor is the distribution function."""
     result, c, d = 1.0, 1.0, 0.0
     for term in range(1, _TERMS):
         half = term // 2

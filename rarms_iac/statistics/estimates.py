@@ -270,7 +270,7 @@ def share_estimate(
 def _room_of_batches(
     ones: Sequence[float], effective: float, starts: Sequence[int], error: float
 ) -> tuple[float, float] | None:
-    """How far a share, 0..1, lies from its lower and from its upper bound, as of a mean, where `batch_moments` gain."""
+    """Return a share's distances (0..1) to its lower and upper bound, as of a mean, if `batch_moments` gain."""
     if effective <= len(ones) / 2 or not (of_batches := batch_moments(ones, starts, error)):
         return None
     share, count = sum(ones) / len(ones), float(len(ones))

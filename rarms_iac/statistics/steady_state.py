@@ -248,7 +248,7 @@ def _noise(means: Sequence[float]) -> float:
 
 
 def _limit(blocks: int) -> float:
-    """How clear the clearest change of so many blocks is by chance in one steady series of seventy (simulated)."""
+    """Return the clearest change of so many blocks by chance in one steady series of seventy (simulated)."""
     return 3.45 + 5.0 / blocks
 
 

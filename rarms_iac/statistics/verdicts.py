@@ -145,7 +145,7 @@ def until_share(series: Series, until: SampleCount | Elapsed) -> float:
 
 
 def _is_hopeless(judged: JudgedIndex, series: Series, done: float, most_samples: float) -> bool:
-    """Whether the end of the setting would probably settle nothing: its bounds shrink with the root of what is done.
+    """Return whether the rest of the setting would probably settle nothing: bounds shrink as the root of the time.
 
     Where all jobs were good, only as many good ones as are needed settle it.
 
@@ -185,7 +185,7 @@ def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
 
 
 def _samples_if_all_are_good(judged: JudgedIndex, series: Series) -> float | None:
-    """As of `samples_to_clear`, where what was seen meets the threshold and there are too few samples for a bound."""
+    """Return `samples_to_clear` where the threshold is met so far and samples are too few for a bound."""
     seen = judged.estimate
     if not _meets(replace(judged, estimate=replace(seen, lower=seen.value, upper=seen.value))):
         return None
@@ -213,7 +213,7 @@ def _outlook(judged: JudgedIndex, series: Series) -> tuple[Estimate, float] | No
 
 
 def _may_turn(verdict: Met | Missed) -> bool:
-    """Whether a sample to come can turn it: a maximum met so far may yet be missed, a minimum missed so far met."""
+    """Return whether a later sample can change the verdict: of a maximum met so far, or a minimum missed so far."""
     match verdict:
         case Met(judged=judged):
             return any(index.index == _MAXIMUM for index in judged)
@@ -241,7 +241,7 @@ def _judge_indexes(
 
 
 def _misses_for(judged: JudgedIndex, series: Series, run: Run, error: float) -> bool:
-    """Whether an index misses its threshold but for this error, its share of the error of all."""
+    """Return whether an index misses its threshold at this error, its share of the error of all."""
     if not _misses(judged):
         return False
     closer = estimate_of_setting(judged.index, series, run, error=error)
@@ -259,7 +259,7 @@ def _misses(judged: JudgedIndex) -> bool:
 
 
 def _excesses(judged: JudgedIndex) -> tuple[float, float]:
-    """By how much the bounds are on the wrong side of the threshold; an extreme is judged by what was seen."""
+    """Return how far the bounds lie beyond the threshold; an extreme is judged by the value seen."""
     index = judged.estimate
     bounds = (index.value, index.value) if index.beyond is not None else (index.lower, index.upper)
     match judged.threshold:

@@ -116,7 +116,7 @@ def decode(hint: type[T], data: object) -> T:
 
 
 def decode_union(hint: object, data: object) -> Any:
-    """As `decode`, for a union or another type that is not a class.
+    """Decode as `decode` does, for a union or another type that is not a class.
 
     Args:
         data: what `parse_json` gave.
@@ -305,7 +305,7 @@ def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
 
 
 def has_numbers(hint: Any) -> bool:
-    """Whether values of a type are numbers, or collections that may hold some; those of records in it do not count.
+    """Return whether a type holds numbers, also in collections; those of nested records do not count.
 
     Returns:
         False also for exact fractions, which say where they are read what they may be.

@@ -108,7 +108,7 @@ def give_to_owner(path: Path, like: os.stat_result) -> None:
 
 
 def leads_out(path: Path | str) -> bool:
-    """Whether links take a path out of the repository that it is named in; false outside of repositories.
+    """Return whether links lead a path out of its repository; False outside of repositories.
 
     Args:
         path: of a file or folder that need not exist.

@@ -91,7 +91,7 @@ def _refuse_constant(name: str) -> Json:
 
 
 def digest(value: object) -> str:
-    """SHA-256 of the canonical JSON, in 64 hex digits.
+    """Return the SHA-256 of the canonical JSON, in 64 hex digits.
 
     Args:
         value: as of `canonical`.

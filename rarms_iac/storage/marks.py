@@ -24,7 +24,7 @@ from rarms_iac.storage.json_text import digest, short
 
 
 def set_of_settings(settings: PartitionSettings) -> str:
-    """12 hex digits of what a partition is to be.
+    """Return 12 hex digits of a partition's wanted settings.
 
     Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest; nor is
     secure boot where it is not fixed.
@@ -73,7 +73,7 @@ def _digest_now(there: Partition, *, by_hand: bool) -> str:
 
 
 def set_of_values(values: Mapping[str, RegistryValue]) -> str:
-    """12 hex digits of a task class's values, with their types.
+    """Return 12 hex digits of a task class's values, with their types.
 
     Args:
         values: the registry values that rarms wrote, with their types.

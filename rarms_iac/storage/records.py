@@ -140,7 +140,7 @@ def open_log(path: Path) -> BinaryIO:
 
 
 def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
-    """All whole records of these bytes; `path` says where they come from, for people.
+    """Return all whole records of these bytes; `path` says where they come from, for people.
 
     Args:
         data: the bytes of a log.
@@ -219,7 +219,7 @@ def _sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) ->
 
 
 def _can_be_torn(line: bytes) -> bool:
-    """Whether a crash can have left the line so, where it is the last one."""
+    """Return whether a crash can have left the line so, if it is the last one."""
     return not line.endswith(b"\n") or b"\0" in line
 
 

@@ -23,7 +23,7 @@ class NotShipped(FileNotFoundError):
 
 
 def shipped(relative: str) -> Path:
-    """Where a shipped file or folder lies, e.g. `docs/findings`: inside the wheel, else in the checkout.
+    """Return the path of a shipped file or folder, e.g. `docs/findings`: in the wheel, else in the checkout.
 
     Args:
         relative: path with `/`, as in the checkout.
@@ -124,7 +124,7 @@ def severity_line(page: str) -> str:
 
 
 def may_be_accepted(page: str) -> bool:
-    """Whether `policy.accept` may name it: a warning, or an error whose page says so.
+    """Return whether `policy.accept` may name it: a warning, or an error whose page says so.
 
     Returns:
         False: an acceptance of it is refused.
@@ -133,7 +133,7 @@ def may_be_accepted(page: str) -> bool:
 
 
 def is_code(subject: str) -> bool:
-    """Whether a finding is meant: a number, with or without its letters.
+    """Return whether a finding is meant: a number, with or without its letters.
 
     Returns:
         False: it may be the name of a component; whether there is such a finding is not looked at.

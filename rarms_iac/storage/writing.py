@@ -71,7 +71,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
 
 def read_owner(path: Path) -> str:
-    """Who holds the lock, or held it when it was killed; empty where it is not known.
+    """Return who holds the lock, or held it when it was killed; empty if unknown.
 
     Args:
         path: of the lock's file.
@@ -87,7 +87,7 @@ def read_owner(path: Path) -> str:
 
 
 def read_holder(path: Path) -> str:
-    """Who holds the lock now. The lock is not waited for; it is tried where a killed process may have left its name.
+    """Return who holds the lock now, without waiting; try it if a killed process may have left its name.
 
     Args:
         path: of the lock's file, which need not be there.
@@ -117,7 +117,7 @@ def _wait(descriptor: int, path: Path, timeout_ms: int) -> None:
 
 
 def _owner_of_a_held_lock(path: Path) -> str:
-    """Who holds a lock; the name is written right after the lock is taken: give it a moment."""
+    """Wait a moment for the holder's name, which is written right after the lock is taken."""
     for _ in range(5):
         if owner := read_owner(path):
             return owner
@@ -249,7 +249,7 @@ def _leftovers(path: Path) -> list[Path]:
 if sys.platform == "win32":
 
     def is_alive(process: int) -> bool:
-        """Whether a process runs (`os.kill` would end it). One of which Windows says nothing counts as alive."""
+        """Return whether a process runs (`os.kill` would end it). If Windows refuses the answer, it counts as alive."""
         import pywintypes
         import win32api
         import win32con
@@ -265,7 +265,7 @@ if sys.platform == "win32":
 else:
 
     def is_alive(process: int) -> bool:
-        """Whether a process runs."""
+        """Return whether a process runs."""
         try:
             os.kill(process, 0)
         except ProcessLookupError:

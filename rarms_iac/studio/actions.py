@@ -322,7 +322,7 @@ def _refuse_other_name(typed: str, name: str) -> None:
 
 
 def _ending(transcript: Transcript, findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
-    """How a measurement or a search ended."""
+    """Return how a measurement or a search ended, after telling a stop."""
     if stopped:
         transcript.message("Stopped. Results are saved; run the same command to continue.")
         return "stopped"

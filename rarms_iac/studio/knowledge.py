@@ -44,7 +44,7 @@ LOOK_SECONDS = 30
 
 
 def is_followed(host: Host) -> bool:
-    """Whether each change of a host is noticed, and who holds it is seen: its files lie on this machine."""
+    """Return whether each change and the holder of a host are seen: its files are on this machine."""
     return host.provider is ProviderKind.SIMULATED or state_folder(host) is not None
 
 

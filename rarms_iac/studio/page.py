@@ -275,13 +275,13 @@ def render_studio(report: Report, findings: Sequence[Diagnostic], sources: Sourc
 
 
 def _is_next(plan: PlanOnPage, command: NextCommand | None) -> bool:
-    """Whether the plan is what the next command would make."""
+    """Return whether the next command would make this plan."""
     made_by = START.verb if plan.command == START else PLAN.verb
     return plan.can_be_applied and not plan.changed and command is not None and command.command.verb == made_by
 
 
 def _can_undo(known: Knowledge, application: str) -> bool:
-    """Whether the last run on a host is the application's, and an apply or an undo that did not end."""
+    """Return whether a host's last run is this application's apply, or its undo that did not end."""
     hosts = known.history.hosts.values() if known.history else ()
     own = [runs[-1] for runs in hosts if runs and runs[-1].application == application]
     return any(run.run is RunKind.APPLY or run.closing is None for run in own)
@@ -331,7 +331,7 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
 
 
 def _parts(amounts: Sequence[tuple[str, Fraction, str]], processors: int) -> Iterator[BarPart]:
-    """From the left what is reserved, at the right end what is kept for the host."""
+    """Yield reserved parts from the left, and the part kept for the host at the right end."""
     start = Fraction(0)
     for kind, amount, name in amounts:
         if amount > 0:

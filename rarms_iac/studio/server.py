@@ -233,7 +233,7 @@ class Studio:
         return JSONResponse(asdict(answer))
 
     def _answer_levels(self, body: LevelsBody) -> LevelsAnswer:
-        """One at a time: of two that were shown the same text the second is refused."""
+        """Answer one at a time: of two that were shown the same text the second is refused."""
         with self._writing:
             return answer_levels(self._settings.source, body)
 

@@ -65,7 +65,7 @@ class Transcript:
         self._current = tuple(row)
 
     def hide(self) -> None:
-        """Nothing runs now."""
+        """Show no use case as running."""
         self._current = ()
 
     def say(self, content: "RenderableType") -> None:
@@ -151,12 +151,12 @@ class WorkStop:
         self._asked.set()
 
     def should_stop(self) -> bool:
-        """Whether the end was asked for."""
+        """Return whether the end was asked for."""
         return self._asked.is_set() or self._server.should_stop()
 
     @contextmanager
     def gently(self) -> Iterator[None]:
-        """Nothing is to be held back: `TaskRunner` holds signals back while a use case runs.
+        """Hold nothing back: `TaskRunner` holds signals back while a use case runs.
 
         Yields:
             Once, with nothing.

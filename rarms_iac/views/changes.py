@@ -55,7 +55,7 @@ COUNTED = {"add": "added", "change": "changed", "remove": "removed", "adopt": "a
 
 
 def describe_counts(hosts: Iterable[HostPlan], *, done: bool) -> str:
-    """`6 to add (2 task classes with their partitions), 0 to change, 0 to remove`, or `6 added ...` when done."""
+    """Write as `6 to add (2 task classes with their partitions), 0 to change`, or `6 added ...` when done."""
     changes = [part.changes for part in hosts]
     counts = count(change for own in changes for change in own)
     words = {
@@ -70,7 +70,7 @@ def describe_counts(hosts: Iterable[HostPlan], *, done: bool) -> str:
 
 
 def members_of(partition: str, components: Mapping[str, Sequence[str]]) -> str:
-    """` [hmi, historian]`: what a partition holds, where that is more or other than its name says."""
+    """List a partition's members as ` [hmi, historian]`, if its name does not say them."""
     members = tuple(components.get(partition, ()))
     return f" [{', '.join(members)}]" if members and members != (partition,) else ""
 
@@ -92,7 +92,7 @@ class AttributeText:
 
 
 def attributes_of(change: Change, facts: HostFacts) -> tuple[AttributeText, ...]:
-    """All attributes of the change's resource, those that stay as they are included."""
+    """Return all attributes of the change's resource, including unchanged ones."""
     match change:
         case Create(after=after):
             return _pairs({}, _values(after, facts))
@@ -187,7 +187,7 @@ def drift_text(report: DriftReport) -> "RenderableType":
 
 
 def name_findings(findings: Sequence[Diagnostic]) -> str:
-    """`RARMS014 (reservations exceed the platform)`, each once."""
+    """List codes as `RARMS014 (reservations exceed the platform)`, each once."""
     return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary})" for finding in findings))
 
 

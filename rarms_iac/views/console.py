@@ -100,12 +100,12 @@ _ITEM = re.compile(r" *(?:-|[0-9]+\.) ")
 
 
 def show_seconds(time: float) -> str:
-    """`0.1 s`, `75 s`: no more digits than a person reads."""
+    """Write as `0.1 s` or `75 s`: no more digits than a person reads."""
     return f"{time:.1f} s" if time < 10 else f"{time:.0f} s"
 
 
 def columns(text: str) -> int:
-    """How many columns of a terminal the visible text takes: two for a wide character, none for a combining one."""
+    """Count the visible text's columns on a terminal: two for a wide character, none for a combining one."""
     if text.isascii():
         return len(text)
     from rich.cells import cell_len
@@ -114,7 +114,7 @@ def columns(text: str) -> int:
 
 
 def styled(*parts: Content | tuple[str, str]) -> "Text":
-    """One text of several parts; a pair is a part and its style, such as `("done", GOOD)`."""
+    """Join parts to one text; a pair is a part and its style, such as `("done", GOOD)`."""
     from rich.text import Text
 
     text = Text()

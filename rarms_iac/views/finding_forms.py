@@ -241,7 +241,7 @@ def file_uri(file: str) -> str:
 
 
 def as_junit(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
-    """One suite; warnings and notes pass and speak in `system-out`, what the policy accepts is skipped.
+    """Write one suite; warnings and notes pass, with text in `system-out`; accepted findings are skipped.
 
     Without any finding it has one case that passes: an empty report looks like a run that never was.
     """
@@ -290,7 +290,7 @@ COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE:
 
 
 def as_github(diagnostics: Sequence[Diagnostic]) -> str:
-    """One command a line; nothing where there is nothing to tell."""
+    """Write one command a line; empty if there are no findings."""
     return "".join(
         f"::{COMMANDS[diagnostic.severity]} {_properties(diagnostic)}::{_message(diagnostic)}\n"
         for diagnostic in diagnostics

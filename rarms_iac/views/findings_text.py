@@ -71,7 +71,7 @@ def findings_text(
 
 
 def findings_summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
-    """`1 error, 2 warnings.`, or `No findings.`; what the policy accepts is counted apart."""
+    """Write as `1 error, 2 warnings.`, or `No findings.`; accepted findings are counted apart."""
     numbers = {severity: sum(diagnostic.severity is severity for diagnostic in diagnostics) for severity in Severity}
     counts = ", ".join(counted(number, severity.value) for severity, number in numbers.items() if number)
     return f"{counts or 'No findings'} ({len(accepted)} accepted)." if accepted else f"{counts or 'No findings'}."
@@ -96,7 +96,7 @@ def _head(diagnostic: Diagnostic, number: int = 1) -> "RenderableType":
 
 
 def _note(alike: Sequence[Diagnostic]) -> "RenderableType":
-    """`note[RARMS086] An entry is not used: rarms.yaml:82:3, interference.browsers`."""
+    """Write as `note[RARMS086] An entry is not used: rarms.yaml:82:3, interference.browsers`."""
     locations = "; ".join(", ".join(_location(diagnostic)) for diagnostic in alike)
     summary = visible(alike[0].summary, keep="")
     text = f"{summary}: {locations}" if any(diagnostic.place or diagnostic.address for diagnostic in alike) else summary

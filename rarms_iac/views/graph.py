@@ -48,7 +48,7 @@ def _flowchart(title: str, lines: Iterable[str]) -> str:
 
 
 def mermaid_quoted(*lines: str) -> str:
-    """Lines of text as the inside of a Mermaid string: what it would read as its own is written as an entity."""
+    """Write lines as the inside of a Mermaid string, with its special characters as entities."""
     return "<br/>".join("".join(_MERMAID.get(character, character) for character in line) for line in lines)
 
 

@@ -89,7 +89,7 @@ def _fitting(lines: Sequence[str], room: int, form: str, more: str) -> list[str]
 
 
 def folded(title: str, lines: Iterable[str]) -> str:
-    """Lines below a title, which a reader opens."""
+    """Write lines below a title that a reader opens."""
     return "\n".join([f"<details><summary>{title}</summary>", "", *lines, "", "</details>"])
 
 
@@ -152,7 +152,7 @@ def plan_as(form: OutputFormat, plan: Plan, manifest: Manifest, *, verbose: bool
 
 
 def is_for_findings(form: OutputFormat) -> bool:
-    """Whether the form has something to say where there is no plan; text and JSON say that on their own."""
+    """Return whether the form is written without a plan; text and JSON say that on their own."""
     return form not in {OutputFormat.TEXT, OutputFormat.JSON}
 
 

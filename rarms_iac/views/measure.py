@@ -325,7 +325,7 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
 
 
 def show_band(index: MeasuredIndex) -> str:
-    """`97.7 ms (97.1 to 98.2 ms)`; without an estimate, why."""
+    """Write as `97.7 ms (97.1 to 98.2 ms)`; without an estimate, write why."""
     return index.reason if index.estimate is None else show_estimate(index.index, index.estimate)
 
 

@@ -145,7 +145,7 @@ def _receiver(connect: Connect | WinRmConnect) -> str | None:
 
 
 def _whereabouts(part: HostPlan) -> Iterator[str]:
-    """Where `rarms apply` does what the plan says."""
+    """Describe the host and connection that `rarms apply` uses."""
     connect, settings = part.host.connect, part.host.settings
     match connect:
         case Connect():
@@ -270,7 +270,7 @@ def describe_held(unused: UnusedPartition) -> str:
 def _row(
     change: Change, part: HostPlan, classes: Mapping[str, Sequence[str]], held: str = ""
 ) -> "tuple[Text | str, ...]":
-    """`+ hmi [hmi, historian]`, `1.16 LP`, `1 GiB`, `limit 1.5 LP, task Localization`."""
+    """Write as `+ hmi [hmi, historian]`, `1.16 LP`, `1 GiB`, `limit 1.5 LP, task Localization`."""
     shown = {attribute.name: attribute for attribute in attributes_of(change, part.facts)}
     reserve, memory = ("" if name not in shown else _value(shown[name]) for name in ("reserve", "memory"))
     remarks = [
@@ -322,7 +322,7 @@ def disruption_of(change: Change, part: HostPlan) -> str:
 
 
 def _left_stopped(change: Change) -> str:
-    """Why a partition starts that was not named."""
+    """Return why a partition starts that was not named."""
     match change:
         case Update(before=Partition(mark=Mark(stopped_by=StoppedBy.MEASUREMENT))):
             return "a measurement stopped it and did not start it again"
@@ -331,7 +331,7 @@ def _left_stopped(change: Change) -> str:
 
 
 def is_part_of(step: Step, change: Change) -> bool:
-    """Whether the step's address is in the partition of this change; never for a task class's change."""
+    """Return whether the step's address is in this change's partition; never for a task class's change."""
     return not change.address.task and step.address.partition == change.address.partition
 
 
@@ -422,6 +422,6 @@ def _other_totals(totals: HostTotals) -> list[str]:
 
 
 def _amount(processors: Fraction, memory: int) -> str:
-    """`0.2 LP and 1 GiB`, without what is none."""
+    """Write as `0.2 LP and 1 GiB`, without an amount of 0."""
     parts = [show_processors(processors)] if processors else []
     return " and ".join([*parts, show_bytes(memory)] if memory else parts)

@@ -102,7 +102,7 @@ class MeasuringProgress(MeasuringReporter):
             self._live.hide()
 
     def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
-        """Of the experiment, as the command's settings took so far; with the first one, of that setting."""
+        """Write the experiment's time left at the speed so far; during the first setting, that setting's."""
         took = self._clock() - self._began
         if self._remaining is not None:
             return _describe_remaining(self._remaining, took)
@@ -113,7 +113,7 @@ class MeasuringProgress(MeasuringReporter):
 
 
 def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
-    """`, 12 s to about 40 s left`; nothing where that is not known, or nothing is left.
+    """Write as `, 12 s to about 40 s left`; empty if that is unknown or nothing is left.
 
     A setting that takes longer than those before may end at once.
     """
@@ -140,7 +140,7 @@ def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[
 
 
 def samples_of(by_component: Mapping[str, Series]) -> str:
-    """`143 samples`; of several components the fewest."""
+    """Write as `143 samples`; of several components the fewest."""
     return counted(min((len(series.samples) for series in by_component.values()), default=0), "sample")
 
 

@@ -102,7 +102,7 @@ class RunProgress(RunReporter):
         self._components: Mapping[str, Sequence[str]] = {}
 
     def __enter__(self) -> Self:
-        """Nothing is shown before a run starts."""
+        """Show nothing before a run starts."""
         return self
 
     def __exit__(
@@ -242,14 +242,14 @@ def _reported_host(report: HostReport, *, partial: bool) -> str:
 
 
 def _run_name(report: HostReport) -> str:
-    """As `Apply of plan`, or `Stop by plan` where the user's command is not an apply."""
+    """Write as `Apply of plan`, or `Stop by plan` if the user's command is not an apply."""
     if report.run is RunKind.UNDO:
         return "Undo of plan"
     return "Apply of plan" if report.purpose is Purpose.APPLY else f"{report.purpose.value.capitalize()} by plan"
 
 
 def _reserved(part: HostPlan | None) -> str:
-    """As ` 1.92 LP of 2 LP are reserved.`; nothing where that is not known."""
+    """Write as ` 1.92 LP of 2 LP are reserved.`; empty if that is unknown."""
     totals = None if part is None else part.host_totals
     if totals is None:
         return ""

@@ -114,7 +114,7 @@ def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str
 
 
 def describe_totals(totals: HostTotals) -> str:
-    """`1.4 LP of 2 LP reserved, 0.2 LP kept for the host, 0.4 LP free`."""
+    """Write as `1.4 LP of 2 LP reserved, 0.2 LP kept for the host, 0.4 LP free`."""
     free = f"{show_processors(totals.free_lp)} free"
     if totals.free_lp < 0:
         free = f"{show_processors(-totals.free_lp)} more than may be reserved"
@@ -168,7 +168,7 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 
 
 def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
-    """`3 of 4 thresholds held ... beside busy-loop, proven at ...`, and a line for each that does not hold."""
+    """Write a summary of thresholds held and when they were proven, and a line for each that does not hold."""
     sentences: list[str] = []
     for load in dict.fromkeys(proof.entry.interference for proof in proofs):
         of_load = [proof for proof in proofs if proof.entry.interference == load]
@@ -220,7 +220,7 @@ def history_text(history: History) -> "RenderableType":
 
 
 def history_rows(runs: Sequence[PastRun]) -> Sequence[tuple[str, ...]]:
-    """When, what, which plan of which application and robot, by whom, and how it ended; the last run first.
+    """Return time, run, plan with application and robot, user, and ending; the last run first.
 
     Args:
         runs: of a host, the oldest first.
@@ -238,7 +238,7 @@ def _command(run: PastRun) -> str:
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
-    """How a run ended, or that one after it took it back."""
+    """Return how a run ended, or that a later run undid it."""
     undos = (other for other in later if other.run is RunKind.UNDO and other.plan == run.plan)
     if run.run is RunKind.APPLY and any(undo.closing is Closing.DONE for undo in undos):
         return "undone"
@@ -246,7 +246,7 @@ def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
 
 
 def fit_text(fit: PlatformCapacity) -> str:
-    """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`.
+    """Write as `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`.
 
     What is kept for the hosts and what unmanaged machines have is named where there is some.
 
@@ -271,12 +271,12 @@ def fit_text(fit: PlatformCapacity) -> str:
 
 
 def other_claims_text(fit: PlatformCapacity) -> str:
-    """`, 0.2 LP kept for the host`: what is neither reserved by the application nor headroom."""
+    """Write as `, 0.2 LP kept for the host`: neither reserved by the application nor headroom."""
     return "".join(f", {text}" for text in describe_other_claims(fit.unmanaged_lp, fit.kept_lp))
 
 
 def applied_text(host: ComparedHost, *, is_planned: bool) -> Wording:
-    """Whether what the manifest asks for is on the host, and what brings it there."""
+    """Write whether the host is as the manifest wants it, and the command that makes it so."""
     if not is_planned:
         return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
     if not host.to_apply:

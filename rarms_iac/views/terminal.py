@@ -249,5 +249,5 @@ def discard_rest(stream: TextIO, error: OSError) -> TextIO:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether the reader went away; Windows says EINVAL for it."""
+    """Return whether the reader went away; Windows says EINVAL for it."""
     return isinstance(error, BrokenPipeError) or (os.name == "nt" and error.errno == 22)

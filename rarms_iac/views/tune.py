@@ -59,7 +59,7 @@ class TuningProgress(SilentReporter):
 
 
 def answer_text(answer: Answer) -> str:
-    """Whether a setting is enough for the components together, or shown to be too little."""
+    """Write whether a setting is enough for the components together, or who misses a threshold."""
     if answer.passed:
         return "all met"
     return f"{'not shown for' if answer.unresolved else 'missed by'} {', '.join(answer.worse)}"

@@ -77,7 +77,7 @@ def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
 
 
 def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
-    """`p95 <= 100 ms`, `success_rate >= 99 %`: what leaves room in a table."""
+    """Write as `p95 <= 100 ms` or `success_rate >= 99 %`, short enough for a table."""
     return f"{index.name.removesuffix('_response_time')} {show_bound(index, threshold)}"
 
 
@@ -133,7 +133,7 @@ def _verdict(verdict: IndexVerdict) -> str:
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:
-    """`2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs under busy-loop`: when and under what it ran."""
+    """Write as `2026-02-01 12:00:00 UTC, on onboard with 40 % of its VPs under busy-loop`."""
     with_load = f"under {proof.entry.interference}" if proof.entry.interference else "without load"
     return f"{proof_time(proof)}, on {proof.entry.host} with {proof.entry.reserve} % of its VPs {with_load}"
 
@@ -179,7 +179,7 @@ def _sentence(proof: LayoutProof) -> str:
 
 
 def _sureness(proofs: Sequence[LayoutProof]) -> str:
-    """How sure the verdicts are."""
+    """Write the confidence of the verdicts."""
     verdicts = [(each, index_named(each.measured.index)) for proof in proofs for each in proof.verdicts]
     sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
     so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)

@@ -130,7 +130,7 @@ _TIES = {
 
 
 def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Each running partition that is stopped, for its own change or so that others find room.
+    """Report each running partition that is stopped, for its own change or to make room for others.
 
     Who destroys, imports or releases has asked for what happens.
     """

@@ -32,7 +32,7 @@ SMT_COSTS = Finding.note("RARMS231", "SMT leaves logical processors idle")
 
 
 def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Under the core scheduler with SMT a core never runs two machines, so that some reserve more than they can use."""
+    """Report reserves that a partition cannot use: with SMT a core never runs two machines (core scheduler)."""
     costs = {
         partition.settings.name: partition.claim
         for partition in partitions_after(desired.seen.state, request.application, plan.changes)
@@ -55,7 +55,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
 
 
 def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Where NUMA spanning is off, Hyper-V starts no machine that lies on no single node, and its script refuses it."""
+    """Report machines larger than a NUMA node: without spanning Hyper-V does not start them."""
     node = desired.seen.state.largest_node
     for change in plan.changes:
         partition = partition_after_change(change)
@@ -156,7 +156,7 @@ def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterato
 
 
 def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Hyper-V scripts place the largest reserve first, a simpler rule than the planner's.
+    """Report placements that a Hyper-V script, which places the largest reserve first, cannot find.
 
     A plan that its script would stop half-way is refused before.
     """
@@ -175,7 +175,7 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
 
 
 def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Machines that rarms does not manage are never changed, but what they get may be.
+    """Report unmanaged machines that get less; rarms never changes their settings.
 
     When all machines are busy, each gets its reserve, and the rest is shared by weight, processor by processor
     (windows.md 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time no
@@ -219,7 +219,7 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
 
 
 def busy_share(settings: PartitionSettings, running: Sequence[PartitionSettings], logical_processors: int) -> Fraction:
-    """LPs that a machine gets while all that run are busy: its reserve, and by weight what no reserve takes."""
+    """Return a machine's LPs while all are busy: its reserve, and its share of the rest by weight."""
     reserved = Fraction(sum(other.reserve * other.processors for other in running), 100)
     weights = max(1, sum(other.weight * other.processors for other in running))
     free = max(Fraction(0), logical_processors - reserved)

@@ -128,7 +128,6 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> E
 
 
 def _is_named() -> bool:
-    """Whether a manifest is named beside the plan."""
     return click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
 
 
@@ -177,7 +176,7 @@ def _show_undo(session: Session, applies: Sequence[LastApply], *, keep: bool) ->
 
 
 def _ask_undo(session: Session, applies: Sequence[LastApply], *, keep: bool) -> bool:
-    """Whether the manifest's values are kept: as asked for, or as answered."""
+    """Ask for the undo, and return whether the manifest's values are kept."""
     if keep or not can_keep(applies):
         ask(session, "Undo this?")
         return keep

@@ -85,7 +85,7 @@ def measure_command(
 
 
 def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
-    """How the command ends, after it said how to go on."""
+    """Return the exit code, after telling how to continue."""
     if outcome.stopped:
         return stopped(session)
     if outcome.ended:
@@ -108,7 +108,7 @@ def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: 
 
 
 def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Control) -> ExitCode:
-    """After levels were chosen: what the user wants to be done where they need more than there is."""
+    """Do what the user wants if the chosen levels need more than the hosts have."""
     prompt = TerminalCombiningPrompt(session)
     try:
         result = combine_if_wanted(hosts, request, prompt, control)

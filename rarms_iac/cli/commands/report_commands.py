@@ -186,7 +186,7 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
 
 @contextmanager
 def _announcing(session: Session, *, no_open: bool) -> Iterator[Callable[[str], None]]:
-    """How the address reaches the user: printed, or in a file that only the user can read and a browser opens."""
+    """Print the address, or write it to a file that only the user can read and open that in a browser."""
     if no_open:
         yield lambda address: session.terminal.data_now(f"{address}\n")
         return

@@ -257,7 +257,7 @@ def secret_in_clear(system: System) -> Iterator[Violation]:
 
 
 def is_reference(text: str) -> bool:
-    """Whether it may be the name of a credential: no sign that only passwords have, and not as mixed as a key."""
+    """Return whether the text may be a credential's name: no character of passwords, not as mixed as a key."""
     return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
 
 

@@ -73,13 +73,13 @@ def older_than_required(system: System) -> Iterator[Violation]:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """`0.2` as `(0, 2, 0)`; no version is the oldest."""
+    """Return `0.2` as `(0, 2, 0)`; an empty version is the oldest."""
     numbers = [int(number) for number in version.split(".") if number]
     return tuple([*numbers, 0, 0, 0][:3])
 
 
 def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str]]]:
-    """Path, name, kind and the names that exist, of everything that the manifest refers to by name."""
+    """Yield path, name, kind and existing names of everything that the manifest refers to by name."""
     tasks = known_tasks(system)
     folded = {name.lower() for name in tasks}
     for component in system.components.values():

@@ -90,7 +90,7 @@ def host_component_with_cpu(component: Component) -> Iterator[Violation]:
 
 
 def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...], bool]]:
-    """Path of each setting that only a partition has, and whether the component has it."""
+    """Yield the path of each setting that only a partition has, and whether the component has it."""
     yield ("cpu", "reserve"), component.cpu.reserve is not None
     yield ("cpu", "limit"), component.cpu.limit is not None
     yield ("cpu", "weight"), component.cpu.weight is not None
@@ -145,7 +145,7 @@ def together_with_itself(component: Component) -> Iterator[Violation]:
 
 
 def _bound(system: System) -> dict[str, list[str]]:
-    """For each component those that `together` binds, itself among them, by name: one list for all of them."""
+    """Return for each component all that `together` binds, including itself, by name; they share one list."""
     groups: dict[str, list[str]] = {}
     first = bound_together(system.components)
     for name in sorted(first):

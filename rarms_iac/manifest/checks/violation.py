@@ -137,7 +137,7 @@ def partition_of_component(system: System) -> dict[str, str]:
 
 
 def partition_names(system: System) -> set[str]:
-    """Every partition that the manifest wants: those with an entry, and one each for the components without."""
+    """Return the wanted partitions: those with an entry, and one for each component without."""
     listed = partition_of_component(system)
     own = {
         component.name
@@ -148,7 +148,7 @@ def partition_names(system: System) -> set[str]:
 
 
 def bound_groups(system: System) -> list[list[Component]]:
-    """Components without a partition's entry that `together` binds to others, each group sorted by name."""
+    """Group components that `together` binds outside partition entries, each group sorted by name."""
     listed = partition_of_component(system)
     groups: dict[str, list[Component]] = {}
     for name, group in sorted(bound_together(system.components).items()):
@@ -196,10 +196,10 @@ def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuRequest, list[Ho
 
 
 def on_every(hosts: list[Host], holds: Callable[[Host], bool]) -> bool:
-    """Whether there is a host at all and it holds on all of them: then no other host avoids the problem."""
+    """Return whether there are hosts and it holds on all of them: then no other host avoids the problem."""
     return bool(hosts) and all(map(holds, hosts))
 
 
 def behaves_like_hyperv(host: Host) -> bool:
-    """Whether the host takes what Hyper-V takes: the simulated host refuses what Hyper-V refuses."""
+    """Return whether the host takes the same settings as Hyper-V; the simulated host does."""
     return host.provider in {ProviderKind.HYPERV, ProviderKind.SIMULATED}

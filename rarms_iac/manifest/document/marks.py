@@ -168,7 +168,7 @@ def read_thresholds(value: Any) -> dict[str, Threshold]:
 
 
 def broken_thresholds(value: Mapping[str, Any]) -> Iterator[BrokenRule]:
-    """Every wrong index, word and quantity of the thresholds, each with its own path in them."""
+    """Yield each wrong index, word and quantity of the thresholds, with its path in them."""
     for name, written in value.items():
         index = _index(name)
         if index is None:

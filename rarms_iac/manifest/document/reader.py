@@ -191,7 +191,7 @@ def _own_name(cls: Any) -> str:
 
 
 def _union(members: tuple[Any, ...]) -> ValueType:
-    """One of several types: told by `kind`, by the key that only one has, or by whether it is a map."""
+    """Read one of several types, chosen by `kind`, by a key that only one has, or by whether it is a map."""
     readings = [_reading(member) for member in members]
     if all(getattr(member, "kind", "") for member in members):
         return _alternatives(

@@ -39,7 +39,7 @@ def overlay_schema() -> Json:
 
 
 def _relaxed(schema: Any) -> Any:
-    """Without what must be there, and with null where a key may be removed."""
+    """Drop the required keys, and allow null where a key may be removed."""
     if isinstance(schema, list):
         return [_relaxed(item) for item in schema]
     if not isinstance(schema, dict):
@@ -192,7 +192,7 @@ def keys_for(path: Path, value: str | int) -> tuple[str, ...]:
 
 
 def _takes(schema: Json, value: str | int) -> bool:
-    """Whether a scalar's own schema takes the value; a schema that takes any text does not count."""
+    """Return whether a scalar's own schema names the value; a schema for any text does not count."""
     if isinstance(value, int):
         return schema.get("type") == "integer" and schema.get("minimum", value) <= value <= schema.get("maximum", value)
     choices = (*schema.get("enum", ()), *((schema["const"],) if "const" in schema else ()))

@@ -275,7 +275,7 @@ def _after_colon(text: str, key: Scalar) -> int:
 
 
 def _span(text: str, node: Node, colon: int) -> tuple[int, int]:
-    """Where a value stands; an empty one stands right behind its colon."""
+    """Return where a value begins and ends; an empty one lies right behind its colon."""
     if isinstance(node, Scalar) and node.start == node.end:
         return colon, colon
     if isinstance(node, Scalar) and node.style in {"|", ">"}:

@@ -278,7 +278,7 @@ def _escaped(character: str) -> str:
 
 
 def _fits_block(value: str) -> bool:
-    """Whether a block says it exactly: it has text, nothing hidden, and ends in at most one line end."""
+    """Return whether a block can hold the value: text without hidden characters, at most one line end last."""
     body = value.removesuffix("\n")
     return (
         body.strip() != ""

@@ -44,11 +44,11 @@ class Lines(Sequence[str]):
         return self._text[start : None if end < 0 else end]
 
     def __len__(self) -> int:
-        """How many lines there are."""
+        """Return the number of lines."""
         return self._text.count("\n") + 1
 
     def _start_of(self, number: int) -> int:
-        """Where a line begins: behind the end of the one before it."""
+        """Return where a line begins: behind the end of the one before it."""
         text, least, most = self._text, 0, len(self._text)
         counted = 0  # line ends before `least`
         while least < most:

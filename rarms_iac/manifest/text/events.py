@@ -323,7 +323,7 @@ class _Pass:
 
 
 def _too_many_comments(source: Source) -> Diagnostic:
-    """Each costs as much as a value; signs within texts are counted, too, since no event tells a comment."""
+    """Refuse too many comments: each costs as much as a value; signs within texts count, too."""
     first_beyond = next(islice(re.finditer("#", source.text), MAX_NODES, None))  # the caller counted that many
     return NOT_YAML.at(
         source.place(first_beyond.start()),

@@ -58,7 +58,7 @@ def _only_comments(file: str, *, overlay: bool) -> Diagnostic:
 
 
 def shown_path(path: str) -> str:
-    """How messages name a file: with slashes on every system, so that output is the same bytes everywhere."""
+    """Return a file's name for messages, with slashes on every system: equal output, equal bytes."""
     return "<stdin>" if path == STANDARD_INPUT else Path(path).as_posix()
 
 

@@ -83,13 +83,13 @@ def entries_by_key(mapping: Collection) -> dict[str, Entry]:
 
 
 def place_of_node(node: Node) -> Place:
-    """Where the node begins; a scalar on one line is underlined whole."""
+    """Return where the node begins; a scalar on one line is underlined whole."""
     length = node.end - node.start if isinstance(node, Scalar) and not node.has_many_lines else 1
     return node.source.place(node.start, length)
 
 
 def is_null(node: Node) -> bool:
-    """Whether it is a null of YAML: `null`, `~`, or nothing at all."""
+    """Return whether the node is YAML's null: `null`, `~`, or nothing at all."""
     return isinstance(node, Scalar) and node.value is None
 
 
@@ -225,7 +225,7 @@ class _Builder:
         return entry
 
     def _end_of(self, scalar: Scalar) -> int:
-        """Where its text ends; line ends below a block are not part of it."""
+        """Return where the text ends; line ends below a block are not part of it."""
         if scalar.style in {"|", ">"}:
             return scalar.start + len(self.text[scalar.start : scalar.end].rstrip())
         return scalar.end
@@ -318,7 +318,7 @@ class ManifestPlaces:
         return node.text if steps == len(path) and isinstance(node, Scalar) and not node.style else ""
 
     def _walk(self, path: tuple[str | int, ...]) -> tuple[Node, Node | None, int]:
-        """How far the path leads: the last node, its key (of a list: the item), and the steps that are there."""
+        """Return the last node on the path, its key (of a list: the item), and the number of steps found."""
         node = self._root()
         key: Node | None = None
         for steps, step in enumerate(path):

@@ -244,7 +244,7 @@ def _time_wanted(
 
 
 def _room(measured: Mapping[int, Series], goal: Goal, member: Member, index: str) -> float:
-    """How far the bound of a time lies beyond it when a setting ends, as a part of it: it shrinks as the root."""
+    """Return a time's bound, as a part beyond it, at the end of a setting: it shrinks as the root of the samples."""
     rooms = []
     for reserve, series in measured.items():
         estimated = estimate(index, series, member.run)

@@ -208,7 +208,7 @@ def done_share(series: Series, reserve: ReservePercent, run: Run, host_ms: float
 
 
 def _most_samples(series: Series, setting: Setting, goal: Goal) -> float:
-    """How many samples its budget may bring, if all that is left of it brings samples as fast as before."""
+    """Return how many samples the rest of the budget may bring at the speed so far."""
     if goal.ends_at_until or series.elapsed_ms <= 0.0:
         return inf
     return len(series.samples) * (1.0 + max(0.0, goal.budget.at(setting.reserve) - setting.host_ms) / series.elapsed_ms)
@@ -251,7 +251,7 @@ def _is_begun(series: Series, run: Run, goal: Goal) -> bool:
 
 
 def _is_precise(series: Series, member: Member, precision: float) -> bool:
-    """Whether its response times, whose mean says most to a search, are known that well; True if it shows none."""
+    """Return whether the mean response time is known to this precision; True if there are no response times."""
     mean = estimate("mean_response_time", series, member.run, error=_PRECISE_BUT_FOR, unseen=False)
     return isinstance(mean, NoEstimate) or mean.upper - mean.value <= precision * mean.value
 
@@ -315,7 +315,7 @@ def below_demand(history: Sequence[SearchTrial], goal: Goal) -> int:
 
 
 def _demand_lp(member: Member, series: Series) -> float:
-    """LPs that the jobs of a member need which are due; 0 where they are not due at certain times."""
+    """Return the LPs that a member's periodic jobs need; 0 if its jobs have no fixed release times."""
     if series.component != member.name or not isinstance(member.run.arrival, Periodic):
         return 0.0
     if not series.cpu_ms or not any(grows_without_end(index, series, member.run) for index in member.apt):
@@ -415,7 +415,7 @@ def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResol
 
 
 def _samples_to_clear(trial: SearchTrial) -> int | None:
-    """With how many samples of each member all will be clear, at most one more than a setting may have."""
+    """Return the samples of each member that decide all, at most one more than a setting may have."""
     needed = [
         samples_to_clear(judged, series)
         for series in trial.setting.series

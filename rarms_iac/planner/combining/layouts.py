@@ -121,7 +121,7 @@ def cois_of(candidates: Candidates, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
 
 
 def _leasts(costs: Mapping[Mask, int]) -> dict[Mask, Least]:
-    """For each set that compounds can be made of, the least that it reserves."""
+    """Return the least reservation of each set that compounds can be made of."""
     shareable = 0
     for block in costs:
         shareable |= block
@@ -151,7 +151,7 @@ def _blocks(mask: Mask, costs: Mapping[Mask, int]) -> Iterator[Mask]:
 def _partitions(
     mask: Mask, costs: Mapping[Mask, int], leasts: Mapping[Mask, Least]
 ) -> Iterator[tuple[int, tuple[Mask, ...]]]:
-    """All ways to make compounds of the set, the cheapest first (A*: what is still to be divided costs its least)."""
+    """Yield all divisions of the set into compounds, the cheapest first (A*: the undivided rest costs its least)."""
     number = count()
     waiting: list[tuple[Least, int, Least, Mask, tuple[Mask, ...]]] = [(leasts[mask], next(number), (0, 0), mask, ())]
     while waiting:

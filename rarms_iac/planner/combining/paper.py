@@ -156,7 +156,7 @@ def combine_components(
 
 
 def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer]) -> Coi | None:
-    """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
+    """Try one pair, first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
     members, processors = union(*pair), processors_of(pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it

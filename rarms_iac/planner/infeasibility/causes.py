@@ -115,7 +115,7 @@ def _staying(item: Item) -> Item:
 
 
 def _describe_moves(needed: Mapping[str, str]) -> str:
-    """As in: vision would have to leave onboard."""
+    """Write as: vision would have to leave onboard."""
     return list_names((f"{name} would have to leave {host}" for name, host in needed.items()), MOST_NAMES)
 
 
@@ -218,7 +218,7 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
 
 
 def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
-    """As in: FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise."""
+    """Write as: FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise."""
     exceeded = _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free_on(conflict.bins).percent)
     if len(conflict.bins) > 1:
         return exceeded
@@ -235,7 +235,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
 def _held_by_others(
     conflict: Conflict, problem: Problem, amount: Callable[[Claim], int], show: Callable[[int], str]
 ) -> str:
-    """As in: Unmanaged machines hold 0.8 LP: "web" 0.5 LP and "build" 0.3 LP. Empty where they hold nothing."""
+    """Write as: Unmanaged machines hold 0.8 LP: "web" 0.5 LP and "build" 0.3 LP. Empty if they hold nothing."""
     held = [
         (amount(claim), quoted(name) + (f" on {host}" if len(conflict.bins) > 1 else ""))
         for host, claim, name in _claims_of_others(conflict, problem)
@@ -263,7 +263,7 @@ def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
 def _sum_exceeds(
     conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str], free: int
 ) -> str:
-    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise. Needs and `free` are in one unit."""
+    """Write as: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise. `free` has the unit of needs."""
     hosts = list_names((host.name for host in conflict.bins), MOST_NAMES)
     verb = "has" if len(conflict.bins) == 1 else "have"
     together = _all_together(conflict, problem, need, show)

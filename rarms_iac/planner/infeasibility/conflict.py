@@ -168,7 +168,7 @@ def _hosts_of(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Bin]:
 
 
 def _groups(items: Sequence[Item]) -> Iterator[Sequence[Item]]:
-    """Partitions that must find room among few hosts, the fewest hosts first; all of them last."""
+    """Yield partitions that must find room among few hosts, the fewest hosts first; all of them last."""
     few = sorted({tuple(sorted(item.claims)) for item in items}, key=lambda names: (len(names), names))
     for names in few:
         group = [item for item in items if item.claims.keys() <= set(names)]

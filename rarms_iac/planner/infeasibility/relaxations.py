@@ -57,7 +57,7 @@ def reserve_relaxations(group: Group) -> Iterator[RelaxationRange]:
 
 
 def _reserve_relaxation(group: Group, entry: Component | PartitionRequest, before: CpuAmount) -> RelaxationRange:
-    """In steps as the amount is written: whole per cent of the host, or hundredths of an LP."""
+    """Lower a reserve in steps of the unit as written: whole per cent of the host, or hundredths of an LP."""
     field, title = ("components", "") if isinstance(entry, Component) else ("partitions", "partition ")
 
     def edits_at(step: int) -> Edits:
@@ -131,12 +131,12 @@ def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Edits:
 
 
 def _is_too_little(asked: Threshold, met: Threshold) -> bool:
-    """Whether less than half is met of what has to be at least so much: no performance to offer."""
+    """Return whether less than half of a minimum is met: no performance to offer."""
     return isinstance(asked, AtLeast) and 2 * met.value < asked.value
 
 
 def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
-    """As in: vision: mean_response_time at most 131 ms instead of 100 ms, in the manifest's words."""
+    """Write as `vision: mean_response_time at most 131 ms instead of 100 ms`, in the manifest's words."""
     index = find_index(name)
     assert index is not None, "an APT names indexes that there are"
 
@@ -176,7 +176,7 @@ def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[Relaxation
 
 
 def memory_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
-    """More memory of a host, at most as much as all who may run there claim.
+    """Give a host more memory, at most as much as all who may run there claim.
 
     Args:
         problem: what has no layout.
@@ -196,7 +196,7 @@ def _more_memory(host: str, mib: int) -> Edits:
 
 
 def processor_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
-    """More logical processors: of all hosts of a platform, since they share what was measured.
+    """Give all hosts of a platform more logical processors, since they share measured data.
 
     Args:
         problem: what has no layout.
@@ -230,7 +230,7 @@ def _as_wide_as_its_host(group: Group, problem: Problem) -> Iterator[Component]:
 
 
 def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more: int) -> Edits:
-    """More of them, while these components stay as wide as they were measured: as their host was."""
+    """Add processors, and keep these components as wide as they were measured: as wide as their host was."""
 
     def apply(variant: Variant) -> Variant:
         components = variant.system.components

@@ -160,7 +160,7 @@ class Assignment:
 
 
 def _is_larger(claim: Claim, other: Claim) -> bool:
-    """Whether all that has no room for the other has none for the claim."""
+    """Return whether everything without room for the other has none for the claim."""
     if isinstance(other, DeadlineClaim) and (not isinstance(claim, DeadlineClaim) or claim.deadline < other.deadline):
         return False
     return claim.processors >= other.processors and claim.reserve >= other.reserve and claim.memory >= other.memory

@@ -199,7 +199,7 @@ def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple
 
 
 def _with_possible_claims(item: Item, kinds: Mapping[Hashable, Sequence[Bin]]) -> Item:
-    """Each claim is looked at once for all hosts that are alike."""
+    """Drop claims that cannot fit, judging each claim once for all hosts that are alike."""
     claims = {}
     for hosts in kinds.values():
         possible: dict[int, bool] = {}  # by the claim's identity: alike hosts share one, and most hosts are alike
@@ -217,7 +217,7 @@ def _is_too_much(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
 
 
 def _forced_hosts(items: Sequence[Item]) -> dict[str, str] | None:
-    """Where each partition has to be; None: some have a choice."""
+    """Return the only possible host of each partition; None: some have a choice."""
     if any(len(item.claims) > 1 for item in items):
         return None
     return {item.name: next(iter(item.claims)) for item in items}
@@ -229,7 +229,7 @@ def _packing(host_of: Mapping[str, str], objective: Objective, bound: Objective)
 
 
 def _first_of_equals(packing: Packing, items: Sequence[Item], bins: Sequence[Bin]) -> Packing:
-    """Of the packings that are as good the first by name, where that is quickly found."""
+    """Return the first by name of equally good packings, if it is found quickly."""
     if not packing.placement.proven:
         return packing
     host_of = first_by_name(items, bins, (packing.placement.reserved, packing.placement.moves))
@@ -243,7 +243,7 @@ def _solve(
     bound: Objective,
     node_budget: int,
 ) -> Packing | NoPacking:
-    """In two stages: the least reservation, and with that the fewest moves. Each begins with the best packing so far.
+    """Minimise the reservation, then the moves. Each stage begins with the best packing so far.
 
     A stage is passed over where its start meets the bound already.
     """
@@ -282,7 +282,7 @@ def _solve(
 
 
 def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = None) -> "_StageResult":
-    """Any packing, good or not; without one, whether there is none."""
+    """Find any packing, good or not; without one, report whether none exists."""
     program = Assignment(items, bins)
     variables = len(program.pairs)
     most = min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables)
@@ -291,7 +291,7 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = 
 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
-    """Any packing: a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
+    """Find any packing: repack a few hosts at a time before the search, and for longer after it gave up."""
     host_of = find_by_repacking(items, bins, Nodes(REPACKING_NODES))
     if host_of is not None:
         return _StageResult(host_of=host_of, bound=0)

@@ -243,12 +243,12 @@ def or_else(probe: T | Unread, default: D) -> T | D:
 
 
 def is_unread(probe: object) -> bool:
-    """Whether there may be something that was not read: it is not there only where Windows finds no such path."""
+    """Return whether something may be unread: only where Windows finds no such path is it surely absent."""
     return is_denied(probe) or (isinstance(probe, Unread) and not probe.error.startswith("PathNotFound"))
 
 
 def is_denied(probe: object) -> bool:
-    """Whether the caller was not allowed to ask."""
+    """Return whether the caller was not allowed to ask."""
     return isinstance(probe, Unread) and probe.status == "denied"
 
 
@@ -269,7 +269,7 @@ def document_of(data: bytes) -> Json:
 
 
 def is_observation(document: Json) -> bool:
-    """Whether it says that it came from `observe.ps1`, of any version."""
+    """Return whether the document comes from `observe.ps1`, of any version."""
     return isinstance(document, dict) and str(document.get("format", "")).startswith("rarms-observation/")
 
 

@@ -69,7 +69,7 @@ def processor_settings(observation: HostObservation) -> Iterator[tuple[str, Proc
 
 
 def cpu_groups_of(observation: HostObservation) -> Mapping[str, str]:
-    """By id of a machine: its CPU group, where it is in one."""
+    """Return the CPU group of each machine that is in one, by machine id."""
     groups = ((machine, setting.group.strip("{}").lower()) for machine, setting in processor_settings(observation))
     return {machine: group for machine, group in groups if group not in {"", _NO_GROUP}}
 
@@ -187,7 +187,7 @@ def identity_of(machine_id: str) -> str:
 
 
 def is_client(observation: HostObservation) -> bool:
-    """Whether it is a client Windows."""
+    """Return whether it is a client Windows."""
     windows = or_else(observation.windows, None)
     return windows is not None and windows.installation == CLIENT
 
@@ -202,7 +202,7 @@ def scheduler_of(observation: HostObservation) -> SchedulerType:
 
 
 def rights_of(observation: HostObservation) -> Rights:
-    """Whether an empty list of machines would prove that there are none.
+    """Return whether an empty list of machines would prove that there are none.
 
     Proven by elevation, or by the host's own instance, which only who may see machines sees. Where neither can be
     asked, Hyper-V's own answer about the host, which it refuses to all others, has to do.

@@ -158,7 +158,7 @@ class LiveHypervHost:
         return self._document
 
     def _lacks_hyperv(self, document: str) -> bool:
-        """Whether PowerShell 7 looked where it loads Hyper-V through 5.1, whose objects no cmdlet takes."""
+        """Return whether PowerShell 7 loaded Hyper-V through 5.1, whose objects no cmdlet takes."""
         observation = self._parse(document)
         powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
         if powershell is None or windows is None:

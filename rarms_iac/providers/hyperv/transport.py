@@ -104,11 +104,11 @@ class RemotePowerShell:
         return (self.program, *options, *file)
 
     def is_answer(self, line: str) -> bool:
-        """Whether the line says that scripts can come, or why not."""
+        """Return whether the line says that scripts can come, or why not."""
         return line == READY if self.receiver is Receiver.SENT else line.startswith(ANSWERS)
 
     def other_versions(self, line: str) -> str:
-        """Which versions of the module are there instead of this one, empty where it is ready."""
+        """Return the versions of the module that are there instead of this one; empty if it is ready."""
         if self.receiver is Receiver.SENT or line == f"{ANSWERS}ready {__version__}":
             return ""
         return line.removeprefix(ANSWERS).partition(" ")[2].strip() or "none"
@@ -158,7 +158,7 @@ class Listener(Protocol):
         """Take a line of the script's standard output."""
 
     def should_stop(self) -> bool:
-        """Whether it should end before its next step."""
+        """Return whether the script should end before its next step."""
 
 
 class Transport(Protocol):

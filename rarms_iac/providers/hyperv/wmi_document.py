@@ -104,7 +104,7 @@ class WmiSource(Protocol):
         """Return the computer's name."""
 
     def instances(self, name: str) -> Sequence[WmiInstance]:
-        """All instances of a class of `QUERIES`."""
+        """Return all instances of a class of `QUERIES`."""
 
     def disk(self, path: str) -> WmiInstance:
         """Return the Msvm_VirtualHardDiskSettingData of a virtual disk."""
@@ -117,7 +117,7 @@ def read_host_visible(source: WmiSource) -> Json:
 
 
 def read_hypervisor_running(source: WmiSource) -> Json:
-    """Whether this Windows started under the hypervisor; older ones do not say."""
+    """Return whether this Windows started under the hypervisor; older ones do not say."""
     systems = source.instances("Win32_ComputerSystem")
     if not systems or systems[0]["HypervisorPresent"] is None:
         raise NotRead("NotFound", "this Windows does not say whether a hypervisor runs")
@@ -308,7 +308,7 @@ def read_guests(source: WmiSource) -> Json:
 
 
 def read_shutdown_services(source: WmiSource) -> Json:
-    """Whether guests can be asked to shut down."""
+    """Return whether guests can be asked to shut down."""
     status: Column = (lambda each, name: [int(number) for number in each[name] or ()], "OperationalStatus")
     enabled, machine = (_int, "EnabledState"), (_lower, "SystemName")
     return [*_rows(source, "Msvm_ShutdownComponent", machine=machine, enabled=enabled, status=status)]
@@ -364,16 +364,16 @@ class LocalWindows(WmiSource, Protocol):
     """What this computer's Windows answers; each raises `NotRead`."""
 
     def bits(self) -> int:
-        """Of this process."""
+        """Return the word size of this process."""
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
         """Return a key below HKEY_LOCAL_MACHINE, or of the user; never the one that 32-bit programs are shown."""
 
     def is_elevated(self) -> bool:
-        """Whether the caller is an administrator, with all rights of one."""
+        """Return whether the caller is an administrator, with all rights of one."""
 
     def is_hyperv_administrator(self) -> bool:
-        """Whether the caller is a member of Hyper-V Administrators."""
+        """Return whether the caller is a member of Hyper-V Administrators."""
 
     def scheduler(self) -> int:
         """Return the data of the newest event 2 of the hypervisor."""
@@ -382,7 +382,7 @@ class LocalWindows(WmiSource, Protocol):
         """Return the SID of its owner, and its text."""
 
     def is_script_running(self) -> bool:
-        """Whether a script of rarms runs: it has the file open that says who holds the computer."""
+        """Return whether a script of rarms holds the computer: it has its owner's file open."""
 
     def modules(self) -> Sequence[str]:
         """Return the versions of PowerShell's module Hyper-V that are installed."""

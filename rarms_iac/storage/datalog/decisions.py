@@ -84,7 +84,7 @@ Entry = Chosen | Proven
 
 
 def read_entries(path: Path) -> tuple[Entry, ...]:
-    """All entries, oldest first; none where there is no file.
+    """Read all entries, oldest first; none if there is no file.
 
     Returns:
         Choices and proofs as they were made.
@@ -228,7 +228,7 @@ class TuningRun:
 
 
 def tuning_path(folder: Path, platform: str) -> Path:
-    """Where it lies, below the manifest's folder; components have folders there, so it is no component's.
+    """Return the path below the manifest's folder; components have folders there, so it is no component's.
 
     Returns:
         The path; whether there is such a file is not looked at.
@@ -253,7 +253,7 @@ def append_run(path: Path, run: TuningRun) -> None:
 
 
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
-    """All runs, oldest first; none where there is no file.
+    """Read all runs, oldest first; none if there is no file.
 
     Returns:
         The runs as they were recorded.

@@ -234,7 +234,7 @@ class Changed:
         return self.part in HARDWARE
 
     def __str__(self) -> str:
-        """`vision.run.timeout: 60000 ms -> 1000 ms`; of a file, only that it changed."""
+        """Write as `vision.run.timeout: 60000 ms -> 1000 ms`; of a file, only that it changed."""
         if self.part.startswith(FILE):
             return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
         return f"{self.part}: {self.before} -> {self.after}"
@@ -336,7 +336,7 @@ T = TypeVar("T")
 
 
 def _joined(parts: Iterable[tuple[T, ...]]) -> tuple[T, ...]:
-    """All of them, each once."""
+    """Join all of them, each once."""
     return tuple(dict.fromkeys(chain.from_iterable(parts)))
 
 

@@ -17,7 +17,7 @@ MOST_BYTES = 64 * MEBIBYTE
 
 
 def is_log(name: str) -> bool:
-    """Whether a file is a log of `measurements/`.
+    """Return whether a file is a log of `measurements/`.
 
     Args:
         name: The file's path below that folder, with `/`.

@@ -203,7 +203,7 @@ def _harmless(value: object) -> object:
 
 
 def _line_rules(cards: tuple[Card, ...]) -> str:
-    """Where each line begins: a rule each, since the policy allows no style on an element."""
+    """Place each line by its own style rule, since the policy allows no style on an element."""
     return "".join(f"#{plot.id}-line {{ top: {plot.line}%; }}\n" for card in cards for plot in card.plots)
 
 

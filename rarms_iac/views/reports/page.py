@@ -90,7 +90,7 @@ class Card:
 
 
 def cards_of(report: Report) -> tuple[Card, ...]:
-    """One card a measurement, in the report's order."""
+    """Make one card per measurement, in the report's order."""
     before = (None, *report.measurements)
     return tuple(
         Card(
@@ -112,7 +112,7 @@ def _is_compared(measurement: Measurement, before: Measurement | None) -> bool:
 
 
 def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
-    """Where everything of a curve lies."""
+    """Return the positions of everything in a curve's plot."""
     scale = scale_of(curve)
     threshold = beginning(curve, scale)
     least = least_reserve([(curve.curve, threshold)])
@@ -309,7 +309,7 @@ BARS = 24
 
 
 def _distribution(point: MeasuredPoint) -> dict[str, object]:
-    """How many response times of a setting lie in each of equal parts of their range; in ms."""
+    """Count the response times of a setting in equal parts of their range; in ms."""
     times = point.response_ms
     low, high = min(times, default=0.0), max(times, default=0.0)
     counts = [0] * BARS

@@ -35,7 +35,7 @@ class Scale:
     exponent: int
 
     def height(self, value: float) -> float:
-        """Where a value lies, 0 at the bottom and 1 at the top; outside of the axis at its edge."""
+        """Return a value's position, 0 at the bottom and 1 at the top; outside of the axis at its edge."""
         low, high = (log10(self.low), log10(self.high)) if self.logarithmic else (self.low, self.high)
         bounded = min(max(value, self.low), self.high)
         return ((log10(bounded) if self.logarithmic else bounded) - low) / (high - low)
@@ -97,7 +97,7 @@ def scale_of(curve: IndexCurve) -> Scale:
 
 
 def _share(smallest: float, largest: float) -> Scale:
-    """Per cent: the whole axis, or its upper or lower end where all values lie there."""
+    """Return an axis in per cent: whole, or its upper or lower end if all values lie there."""
     low = 80.0 if smallest >= 85 else 50.0 if smallest >= 55 else 0.0
     high = 100.0 if low or largest > 45 else 50.0 if largest > 18 else 20.0
     mantissa, exponent = round_down((high - low) / (2 * POSITIONS))

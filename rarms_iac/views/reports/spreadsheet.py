@@ -26,7 +26,7 @@ BEGINNINGS = ("=", "+", "-", "@", "\t", "\n")
 
 
 def csv_text(rows: Rows) -> str:
-    """Comma-separated, quoted where it must be, lines ending in LF."""
+    """Write comma-separated rows, quoted where needed, lines ending in LF."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for row in rows:

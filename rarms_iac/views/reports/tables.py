@@ -129,7 +129,7 @@ def _key(curve: IndexCurve) -> tuple[str, str]:
 
 
 def _verdict_word(curve: IndexCurve, point: MeasuredPoint) -> str:
-    """How sure it is, the page says once; a maximum or minimum is only met so far."""
+    """Return the verdict; a maximum or minimum is only met so far. The page says the confidence once."""
     return "met so far" if curve.index.is_extreme and point.verdict == "met" else point.verdict or ""
 
 
@@ -144,7 +144,7 @@ def totals_table(report: Report) -> Table:
 
 
 def _total(fit: PlatformCapacity) -> Row:
-    """Return the headroom is empty while a reservation is not known: the total is at least the one that is shown."""
+    """Return a row without headroom while a reservation is unknown: then the total is at least the shown one."""
     return (
         fit.platform,
         ", ".join(fit.hosts),
