@@ -327,17 +327,48 @@ def _address(group: Group) -> str:
 def _measured_together(
     subject: LogSubject, folder: _LogFolder, group: Group, platform_facts: PartialPlatform, number: ProcessorNumber
 ) -> LogOfLoad:
+    path = path_of(folder.files.folder, subject).relative_to(folder.files.folder).as_posix()
+    own = group.request.hyperv.image
+    now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
+    found = _log_that_holds(subject, folder, group, now, path)
+    if isinstance(found, NotMeasured):
+        return found
+    assert found.log is not None, "else it is stale"
+    log = found.log.of(number.number)
+    return MeasuredTogether(
+        path=path,
+        interference=subject.setup.interference,
+        processors=number.number,
+        processors_from=number.source,
+        measured=tuple(sorted({setting.reserve for setting in log.settings})),
+        curves=curves_in(log, {member.name: member for member in group.members}),
+        records=log,
+        others=found.others,
+        remarks=tuple(_remarks(log, found, group, path, folder.files.cut)),
+        again=_measuring(names_of(group.members)),
+        weak=any(recorded.provenance.weak_load for recorded in log.counting),
+        cpu_ms=_cpu_ms_in(log),
+        used=most_used(recorded.setting for recorded in found.log.recorded),
+    )
+
+
+def _log_that_holds(
+    subject: LogSubject, folder: _LogFolder, group: Group, platform_facts: PartialPlatform, path: str
+) -> Present | NotMeasured:
+    """Read a data log, and return why it does not count if it is missing, unreadable or stale.
+
+    Args:
+        path: of the log, as messages name it.
+    """
     members = names_of(group.members)
-    path = path_of(folder.files.folder, subject)
-    path_shown = path.relative_to(folder.files.folder).as_posix()
     again = _measuring(members)
     load = subject.setup.interference
 
     def without_answer(finding: Finding, template: str, advice: Wording, **facts: Given) -> NotMeasured:
         names = to_be_measured(group.members)
-        return not_measured(finding, names, subject.platform, template, advice, load=load, log=path_shown, **facts)
+        return not_measured(finding, names, subject.platform, template, advice, load=load, log=path, **facts)
 
-    file = folder.read(path)
+    file = folder.read(path_of(folder.files.folder, subject))
     if file is None:
         return without_answer(
             planning_findings.UNMEASURED,
@@ -350,9 +381,7 @@ def _measured_together(
         advice = unreadable_advice(file, prose("remove it and measure again: ", again))
         template = "{log}, line {line}: {reason}."
         return without_answer(planning_findings.UNREADABLE, template, advice, line=file.line, reason=file.message)
-    own = group.request.hyperv.image
-    now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
-    found = present(file, subject, folder.files, now)
+    found = present(file, subject, folder.files, platform_facts)
     if found.log is None:
         changed = found.comparison.changed
         return without_answer(
@@ -362,22 +391,7 @@ def _measured_together(
             changed=tuple(map(str, changed)),
             _changed=_list_some(changed),
         )
-    whole, log = found.log, found.log.of(number.number)
-    return MeasuredTogether(
-        path=path_shown,
-        interference=load,
-        processors=number.number,
-        processors_from=number.source,
-        measured=tuple(sorted({setting.reserve for setting in log.settings})),
-        curves=curves_in(log, {member.name: member for member in group.members}),
-        records=log,
-        others=found.others,
-        remarks=tuple(_remarks(log, found, group, path_shown, folder.files.cut)),
-        again=again,
-        weak=any(recorded.provenance.weak_load for recorded in log.counting),
-        cpu_ms=_cpu_ms_in(log),
-        used=most_used(recorded.setting for recorded in whole.recorded),
-    )
+    return found
 
 
 def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
