@@ -276,17 +276,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
     size = sum(len(wheel.content) for wheel in sent)
     if sent:
         tell(f"{host.name}: sending {len(sent)} wheels, {size / 1e6:.0f} MB, and installing them there.")
-    done = host.ask(
-        {
-            "action": "install",
-            "version": __version__,
-            "build": build,
-            "pip": next((wheel.name for wheel in sent if wheel.name.startswith(f"{PIP}-")), ""),
-            "bytes": size + sum(wheel.installed_bytes for wheel in sent) * 3 // 2,  # with the bytecode
-            "wheels": {wheel.name: wheel.digest for wheel in sent},
-        },
-        sent,
-    )
+    done = host.ask(_install_job(build, sent), sent)
     return replace(
         installation,
         changed=bool(sent or done.finished) or look.current != __version__ or not look.boots,
@@ -296,6 +286,19 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
         still_open=done.still_open,
         removed=done.removed,
     )
+
+
+def _install_job(build: str, sent: Sequence[Wheel]) -> dict[str, object]:
+    """Return what the robot is asked to do with the wheels that are sent to it."""
+    unpacked = sum(wheel.installed_bytes for wheel in sent) * 3 // 2  # with the bytecode
+    return {
+        "action": "install",
+        "version": __version__,
+        "build": build,
+        "pip": next((wheel.name for wheel in sent if wheel.name.startswith(f"{PIP}-")), ""),
+        "bytes": sum(len(wheel.content) for wheel in sent) + unpacked,
+        "wheels": {wheel.name: wheel.digest for wheel in sent},
+    }
 
 
 def _is_done(look: _Look, build: str) -> bool:

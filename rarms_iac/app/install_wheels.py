@@ -193,32 +193,12 @@ def _checked(path: Path, pin: Pin) -> Wheel:
 
 def _download(pins: Sequence[Pin], robot: RobotPython, folder: Path) -> None:
     """Have pip put wheels into a folder, each compared with the lock's hashes."""
-    platforms = [word for platform in robot.platforms for word in ("--platform", platform)]
-    options = ["--quiet", "--disable-pip-version-check", "--no-input", "--no-deps", "--only-binary", ":all:"]
-    words = [
-        *options,
-        "--require-hashes",
-        "--implementation",
-        "cp",
-        "--python-version",
-        robot.short_version,
-        *platforms,
-    ]
     requirements = folder / "requirements.txt"
     requirements.write_text("".join(f"{pin.requirement}\n" for pin in pins), encoding="ascii")
+    words = ("--requirement", str(requirements), "--dest", str(folder))
     try:
         ended = subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "pip",
-                "download",
-                *words,
-                "--requirement",
-                str(requirements),
-                "--dest",
-                str(folder),
-            ],
+            [sys.executable, "-m", "pip", "download", *_pip_options(robot), *words],
             check=False,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -234,6 +214,15 @@ def _download(pins: Sequence[Pin], robot: RobotPython, folder: Path) -> None:
             f"See that `{sys.executable} -m pip` reaches its index. Without an index, name a folder that has the "
             "wheels with --wheels.",
         )
+
+
+def _pip_options(robot: RobotPython) -> tuple[str, ...]:
+    """Return the options by which pip takes only wheels that the robot's Python can use, and asks nothing."""
+    quiet = ("--quiet", "--disable-pip-version-check", "--no-input")
+    wheels_only = ("--no-deps", "--only-binary", ":all:", "--require-hashes")
+    python = ("--implementation", "cp", "--python-version", robot.short_version)
+    platforms = (word for platform in robot.platforms for word in ("--platform", platform))
+    return (*quiet, *wheels_only, *python, *platforms)
 
 
 def _described(robot: RobotPython) -> str:
