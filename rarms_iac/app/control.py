@@ -45,7 +45,7 @@ class MeasuringReporter:
     """Told what happens, as it happens; must not raise. This one drops what it is told."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """Measuring begins, or goes on after the settings that are recorded."""
+        """Report that measuring begins, or continues after the recorded settings."""
 
     def setting_started(
         self, experiment: Experiment, reserve: ReservePercent, remaining: RemainingSettings | None

@@ -419,7 +419,6 @@ def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[st
     """Return the curves of a data log.
 
     Args:
-        log: With its settings.
         components: Of the log, by name, as the manifest has them.
 
     Returns:

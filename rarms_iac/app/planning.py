@@ -87,7 +87,7 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
 
 
 def _destroyed(hosts: Hosts) -> frozenset[str]:
-    """Addresses whose absence is what a destroy asks for: the manifest's, and those that the last runs changed."""
+    """Return the addresses that a destroy removes: the manifest's, and those that the last runs changed."""
     named = {Address(partition=group.name) for group in groups_of(hosts.system)}
     named |= {Address(task=name) for name in hosts.system.tasks}
     for _, run in last_runs(hosts):

@@ -269,7 +269,6 @@ def point_of(setting: Setting, series: Series, index: str, apt: Mapping[str, Thr
     """Return what one setting shows of an index of a component: value, bounds and verdict.
 
     Args:
-        setting: with the reservation.
         apt: its threshold alone; empty: there is no verdict.
     """
     estimates = curve_of([setting], series.component, index, run).estimates

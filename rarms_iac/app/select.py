@@ -354,14 +354,14 @@ def _logs(group: Group, system: System, reservations: MeasuredReservations) -> I
 
 
 def _with_next_command(finding: Diagnostic, logs: Sequence[tuple[Host, Loads]], choice: _Choice) -> Diagnostic:
-    """NOTE: a search looks for the manifest's level, and this one is not there yet: that advice would lead nowhere."""
+    """Replace the advice of a search: it looks for the manifest's level, and this one is not there yet."""
     if finding.code != NOT_MET.code or not logs:
         return finding
     return replace(finding, advice=prose(_advice_beyond(choice, *logs[0])))
 
 
 def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, Loads]]) -> None:
-    """NOTE: `120 s` for `120 ms` would be met by any reservation: a slip that nothing else would show."""
+    """Refuse a slip such as `120 s` for `120 ms`, which any reservation would meet."""
     curves = [log.curves(choice.component.name, choice.index.name) for _, loads in logs for log in loads]
     message = _why_far(choice.index, choice.threshold, choice.text, curves)
     if message:

@@ -326,7 +326,7 @@ def no_script(host: str, plan: str) -> Diagnostic:
 
 
 def differences(live: Readings, expected: Readings) -> str:
-    """`reserve is 50, not 70`, for everything expected that is not so; sorted by name."""
+    """Write what differs from the expected readings, sorted by name: `reserve is 50, not 70`."""
     changes = [
         f"{_label(name)} is {_format_reading(live[name])}, not {_format_reading(expected[name])}"
         if name in live

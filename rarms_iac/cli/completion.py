@@ -55,7 +55,7 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
         return os.environ.get("COMP_WORDS", "").splitlines(), os.environ.get("COMP_CWORD", "")
 
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem[str]]:
-        """Words only: where there are none, PowerShell offers files by itself."""
+        """Return words only: without any, PowerShell offers files by itself."""
         return [item for item in super().get_completions(args, incomplete) if item.type == "plain"]
 
     def format_completion(self, item: CompletionItem[str]) -> str:

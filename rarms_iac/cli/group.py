@@ -131,7 +131,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([each for each in COMMANDS.items() if each[0] in FOR_SIMULATED_HOSTS])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:
-        """Commands from the table, then the options."""
+        """Return commands from the table, then the options."""
         commands = [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
         return [*commands, *click.Command.shell_complete(self, ctx, incomplete)]
 
@@ -169,7 +169,7 @@ def root_group() -> LazyGroup:
 
 @click.pass_context
 def _status_without_command(context: click.Context) -> int | None:
-    """`rarms` alone shows how the application stands, where there is a manifest."""
+    """Show the status for `rarms` alone, if there is a manifest."""
     if context.invoked_subcommand is not None:
         return None
     from rarms_iac.app.requests import DEFAULT_MANIFEST

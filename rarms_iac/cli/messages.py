@@ -103,7 +103,7 @@ class TerminalReporter:
         self._progress = ExitStack()
 
     def __enter__(self) -> Self:
-        """Progress is shown from its first word on."""
+        """Return itself: progress is shown from its first word on."""
         return self
 
     def __exit__(

@@ -212,7 +212,7 @@ def _name_before(change: Change) -> str:
 
 
 def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, context: StepContext) -> _Held:
-    """Growth for which there is no capacity while what is held back keeps what it has."""
+    """Find growth without capacity, while changes that are held back keep what they have."""
     pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held_back}
     claims = {partition.id: claim_of(partition) for partition in context.seen.own}
     growing = []

@@ -182,9 +182,6 @@ def task_readings(task: TaskClass | Responsiveness | None) -> Readings:
 def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
     """Return what is read of registry values.
 
-    Args:
-        values: by name.
-
     Returns:
         `exists`, the names in lower case, and kind and data of each value, in the order of the names.
     """

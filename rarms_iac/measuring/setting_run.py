@@ -159,7 +159,7 @@ def _try_setting(
     until = {name: run.until for name, run in goal.runs.items() if run.until is not None}
 
     def used() -> int | None:
-        """NOTE: the paper's strategy does not look at what is used."""
+        """Return the processors used; the paper's strategy does not look at them."""
         return None if request.within_until else experiment.used(running.used_processors(P1))
 
     def needs_starts() -> bool:

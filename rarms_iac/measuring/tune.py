@@ -309,7 +309,7 @@ def _limits_on_combining(subject: TuningSubject) -> str:
 
 
 def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
-    """Compounds that contradict their parts, and those that reserve more than these."""
+    """Report compounds that contradict their parts, and those that reserve more than these."""
     for contradiction in end.contradictions:
         yield planning_findings.CONTRADICTION.at(
             None,

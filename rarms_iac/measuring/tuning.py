@@ -436,9 +436,6 @@ class TuningConclusion:
     def parts_of(self, coi: Coi) -> Sequence[Coi]:
         """Return the CoIs that were tuned and are in this compound; a CoI as it was is its own part.
 
-        Args:
-            coi: one of `cois`.
-
         Returns:
             In the order of the subject.
         """

@@ -253,7 +253,7 @@ def _first_fit(sizes: list[int], free: list[int]) -> bool:
 
 
 def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
-    """Depth first over the sizes, largest first; what is left on all processors is tried once, in any order.
+    """Search depth first, the largest size first; what is left on all processors is tried once, in any order.
 
     None: it gave up.
     """

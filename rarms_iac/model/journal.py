@@ -119,7 +119,7 @@ class _Run:
         return self.closed is None
 
     def touched(self) -> frozenset[int]:
-        """Numbers of the steps that were begun or done in this run and may have changed the host."""
+        """Return the numbers of the steps that may have changed the host in this run."""
         return frozenset(record.number for record in self.steps if record.status is not StepStatus.UNCHANGED)
 
 

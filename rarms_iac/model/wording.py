@@ -171,7 +171,7 @@ def question(meant: str | None) -> str:
 
 
 def _folded(word: str) -> str:
-    """Case, hyphens and spaces are no slips: `Busy-Loop` is busy_loop."""
+    """Ignore case, hyphens and spaces, which are no slips: `Busy-Loop` is busy_loop."""
     return word.lower().replace("-", "_").replace(" ", "_")
 
 

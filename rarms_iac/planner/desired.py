@@ -207,7 +207,7 @@ def _responsiveness(host: Host, observed: State, application: Application) -> Re
 
 
 def _systems(layout: Layout, host: str) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Operating systems with the components whose threads run there; the host's own has an empty name."""
+    """Yield operating systems with the components whose threads run there; the host's own has an empty name."""
     yield "", tuple(name for name, place in layout.on_hosts if place == host)
     for partition in layout.on(host):
         yield partition.name, partition.components

@@ -124,7 +124,7 @@ def _deadlines(tasks: Sequence[Task]) -> Iterator[int]:
 
 
 def _horizon(tasks: Sequence[Task], resource: Resource, rate: Fraction) -> Fraction:
-    """Beyond it, demand cannot exceed supply first.
+    """Return the time beyond which demand cannot exceed supply for the first time.
 
     Supply lies above a line of the resource's rate that begins after both gaps, demand below one of the tasks' rate.
     Where the rates are the same, all repeats after the least common multiple of the periods.

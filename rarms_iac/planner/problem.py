@@ -205,9 +205,6 @@ def _with_deadline(claim: Claim, partition: PlacedPartition, group: Group, host:
 def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
     """Iterate over the hosts by name, so that the same manifest gives the same order.
 
-    Args:
-        hosts: by name.
-
     Returns:
         The hosts, sorted by name.
     """
@@ -215,7 +212,7 @@ def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
 
 
 def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[str, tuple[Host, ...]]:
-    """Hosts that cannot be told apart by what a partition gets on them, by the name of the first."""
+    """Group hosts on which partitions get the same, by the name of the first."""
     kinds: dict[str, list[Host]] = {}
     first: dict[Hashable, str] = {}
     for host in by_name(system.hosts):

@@ -53,7 +53,7 @@ class FixedReservations:
         return without_log(unknown, host.platform) if unknown else LookedUp(reservation=fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
-        """Logical processors: a share is of these, and nothing else matters."""
+        """Return the logical processors: a share is of these, and nothing else matters."""
         return host.logical_processors
 
 
@@ -144,7 +144,7 @@ class MeasuredReservations:
         )
 
     def depends_on(self, host: Host) -> Hashable:
-        """Processors, for what is fixed, and what data logs are compared with."""
+        """Return the processors, for fixed reserves, and what data logs are compared with."""
         return host.logical_processors, self.kinds.get(host.name)
 
     def verdict(self, members: tuple[Component, ...], host: Host) -> ReservationVerdict:
@@ -210,7 +210,7 @@ class RecordedReservations:
         return next(found, without_log(unknown, host.platform))
 
     def depends_on(self, host: Host) -> Hashable:
-        """Logical processors, and what was recorded for the host."""
+        """Return the logical processors, and the records of the host."""
         own = (number for number, each in enumerate(self.recorded) if host.name in each.hosts)
         return host.logical_processors, tuple(own)
 

@@ -41,7 +41,6 @@ def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[i
     Args:
         group: the partition's members, requests and policy.
         host: where it would be; shares of a host are of its logical processors.
-        processors: its virtual processors.
         reserve: its reservation, in whole per cent of each of them.
 
     Returns:

@@ -339,7 +339,7 @@ def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str,
 
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
-    """Boot from the disk: a machine that is made without one tries its network adapter first (windows.md 3)."""
+    """Set the disk as first boot device: a machine made without one tries its network adapter first (windows.md 3)."""
     after: Readings = {"secure_boot": creation.secure_boot} if creation.secure_boot else {}
     values = _parameters(Facet.SECURE_BOOT, after)
     actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []

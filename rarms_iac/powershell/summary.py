@@ -166,7 +166,7 @@ def machine_table(steps: Sequence[Step], changes: Iterable[Change], files: NewFi
 
 
 def _table(rows: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Rows as lines, each column as wide as it takes."""
+    """Write rows as lines, each column as wide as it needs."""
     cells = [tuple(map(remark, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return tuple(

@@ -20,7 +20,7 @@ FOLDER = "templates/powershell"
 
 @cache
 def _environment() -> "Environment":
-    """Made when a script is; a name that a template does not get is an error."""
+    """Make the environment of a script; a name that a template does not get is an error."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     return Environment(  # noqa: S701 - PowerShell is no HTML: what enters is a literal or a remark already
@@ -43,7 +43,7 @@ def fill(template: str, values: Mapping[str, object]) -> bytes:
 
 
 def as_script(text: str) -> bytes:
-    """Text with LF as the bytes of a script."""
+    """Encode text with LF as the bytes of a script."""
     return text.replace("\n", "\r\n").encode("ascii")
 
 

@@ -45,7 +45,7 @@ def main(words: list[str]) -> None:
 
 
 def task_class(name: str) -> AbstractContextManager[None]:
-    """Membership in a task class; rarms itself need not be where this program finds modules."""
+    """Join a task class in the context; rarms need not be among the modules of this program."""
     if not name:
         return nullcontext()
     spec = importlib.util.spec_from_file_location("rcss", Path(__file__).resolve().parents[1] / "rcss.py")

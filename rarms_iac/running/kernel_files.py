@@ -107,7 +107,6 @@ def read_process(process: int, read: Callable[[Path], str] = kernel_text) -> Pro
     """Read a process; None where it has ended.
 
     Args:
-        process: Its id.
         read: Returns a file of `/proc` on its machine.
 
     Raises:

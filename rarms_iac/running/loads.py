@@ -210,5 +210,5 @@ def logical_processors() -> int:
 
 
 def _sandbox() -> tuple[str, ...]:
-    """Chromium does not start as root with its sandbox; it shows our own page only."""
+    """Disable the sandbox for root: Chromium does not start with it. It shows our own page only."""
     return ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()

@@ -49,7 +49,7 @@ class SampleRecord:
     """The samples of one run and its times, which are those of `time.perf_counter` in seconds."""
 
     def __init__(self, run: Run, hide: Callable[[str], str] = str) -> None:
-        """`hide` takes out of the reason of a failed sample what must not be recorded."""
+        """Take `hide`, which removes from a failed sample's reason what must not be recorded."""
         self.run = run
         self._hide = hide
         self.samples: list[Sample] = []
@@ -272,7 +272,7 @@ class _Job:
 
 
 def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
-    """Job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
+    """Yield job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
     supervisor.ignore_output()
     number = 0
     while record.ending is SamplingEnd.RUNNING:

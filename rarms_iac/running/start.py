@@ -154,7 +154,7 @@ def become(order: StartOrder) -> NoReturn:
 
 
 def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str, str]:
-    """Rarms' own environment with the variables of the manifest, and the period for a command that paces itself.
+    """Return rarms' environment with the manifest's variables, and the period for a command that paces itself.
 
     Raises:
         CannotStart: a variable that a value is to be read from is not set.

@@ -297,7 +297,7 @@ _MAY_BE_WORSE_WITH_MORE = frozenset({"jitter", "minimum_response_time"})
 
 
 def _bounds_of_falling(lowers: Sequence[float], uppers: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Bounds of what cannot rise. An upper bound below a lower one further right is contradicted: it bounds nothing."""
+    """Bound a curve that cannot rise. An upper bound below a lower one further right bounds nothing."""
     highest = list(accumulate(reversed(lowers), max))[::-1]
     valid = [upper if upper >= later else inf for upper, later in zip(uppers, highest, strict=True)]
     return highest, list(accumulate(valid, min))

@@ -304,7 +304,7 @@ def _percentile(times: Sequence[float], share: float, error: float, starts: Sequ
 
 
 def _rank_bounds(share: float, effective: float, error: float) -> tuple[float, float]:
-    """Ranks, as shares of all samples, that enclose the percentile; 0 or above 1 where so few samples have none.
+    """Return ranks, as shares of all samples, that enclose the percentile; 0 or above 1 for too few samples.
 
     The r-th of n ordered samples has a share of the distribution below it that is Beta(r, n + 1 - r): the least r
     whose share is above the percentile's, and the greatest whose share is below it, each but for half the error.
@@ -389,7 +389,7 @@ def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate |
 
 
 def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    """Successes over elapsed time: the share of jobs that succeed, times what each counts, over the time a job takes.
+    """Divide successes by time: the share of jobs that succeed, times what each counts, by the time of a job.
 
     A third of the error is spent on each (union bound): where all of 40 jobs succeeded, no spread of what was counted
     shows the one in ten that fails.

@@ -161,7 +161,7 @@ class _Steps:
 
 
 def _steps(samples: SampleColumns, period: float, anew: Collection[int]) -> _Steps:
-    """NOTE: between two runs, and two starts of a load, jobs are left out; then the queue is another."""
+    """Return the steps between jobs; those between two runs or starts of a load are left out: the queue differs."""
     pairs = zip(pairwise(samples.began_ms), pairwise(ends_ms(samples)), strict=True)
     spans = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in anew]
     return _Steps(

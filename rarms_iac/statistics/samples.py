@@ -173,7 +173,7 @@ def _batches(values: Sequence[float], starts: Sequence[int]) -> list[int]:
 
 
 def _chi_squared_share(free: int, deviations: float) -> float:
-    """Chi squared over its degrees of freedom, so many deviations from the middle (Wilson and Hilferty 1931)."""
+    """Return chi squared by degrees of freedom, so many deviations from the middle (Wilson, Hilferty 1931)."""
     step = 2.0 / (9.0 * free)
     return max(0.0, 1.0 - step + deviations * sqrt(step)) ** 3
 

@@ -113,9 +113,6 @@ def digest_of_texts(texts: Iterable[str]) -> str:
 def short(text: str, digits: int = 12) -> str:
     """Return the first hex digits of a digest: enough to tell things apart that are not forged.
 
-    Args:
-        text: a digest.
-
     Returns:
         The beginning of the digest.
     """

@@ -109,7 +109,7 @@ class MeasureAction(Action):
         return self.coarse and self.first is self.last is self.step is None
 
     def command(self) -> RecommendedCommand:
-        """`rarms measure`."""
+        """Return `rarms measure`."""
         settings = {"from_": self.first, "to": self.last, "step": self.step}
         chosen = {name: f"{value}%" for name, value in settings.items() if value is not None}
         return command(
@@ -159,7 +159,7 @@ class TuneAction(Action):
     on_busy_host: bool = False
 
     def command(self) -> RecommendedCommand:
-        """`rarms tune`."""
+        """Return `rarms tune`."""
         return command(
             "tune", dry_run=self.dry_run, stop_partitions=self.stop_partitions, on_busy_host=self.on_busy_host
         )
@@ -184,7 +184,7 @@ class ProveAction(Action):
     without_load: bool = False
 
     def command(self) -> RecommendedCommand:
-        """`rarms prove`."""
+        """Return `rarms prove`."""
         return command("prove", load_host=self.load_host, without_load=self.without_load)
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
@@ -213,7 +213,7 @@ class PlanAction(Action):
     purpose: ClassVar[Purpose] = Purpose.APPLY
 
     def command(self) -> RecommendedCommand:
-        """`rarms plan`."""
+        """Return `rarms plan`."""
         return PLAN
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon
@@ -234,7 +234,7 @@ class PlanStartAction(PlanAction):
     purpose: ClassVar[Purpose] = Purpose.START
 
     def command(self) -> RecommendedCommand:
-        """`rarms start`, which shows its plan and asks."""
+        """Return `rarms start`, which shows its plan and asks."""
         return START
 
 
@@ -246,7 +246,7 @@ class ApplyAction(Action):
     does: Literal["apply", "start"] = "apply"  # verb of the command that makes such a plan
 
     def command(self) -> RecommendedCommand:
-        """`rarms apply`, or what else shows such a plan and asks."""
+        """Return `rarms apply`, or what else shows such a plan and asks."""
         return command(self.does)
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
@@ -269,7 +269,7 @@ class FinishAction(Action):
     application: str
 
     def command(self) -> RecommendedCommand:
-        """`rarms apply`, which finishes first."""
+        """Return `rarms apply`, which finishes first."""
         return APPLY
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
@@ -288,7 +288,7 @@ class UndoAction(Action):
     application: str
 
     def command(self) -> RecommendedCommand:
-        """`rarms undo`."""
+        """Return `rarms undo`."""
         return command("undo")
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
@@ -305,7 +305,7 @@ class UndoPreviewAction(Action):
     changes: ClassVar[bool] = False
 
     def command(self) -> RecommendedCommand:
-        """`rarms undo`, which asks before it does anything."""
+        """Return `rarms undo`, which asks before it does anything."""
         return command("undo")
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:  # noqa: ARG002 - it is over soon

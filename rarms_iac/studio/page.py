@@ -159,7 +159,7 @@ def _box(name: str, option: Option, excludes: str = "") -> Box:
 
 
 def _boxes(request: type, *names: str) -> Iterator[Box]:
-    """Boxes of these fields of a request, which are options."""
+    """Yield the boxes of these fields of a request, which are options."""
     options = {field.name: field.metadata.get("option") for field in fields(request)}
     for name in names:
         option = options[name]

@@ -136,11 +136,7 @@ def _of(number: int, total: int) -> str:
 
 
 class WorkStop:
-    """A `StopSignal` that the page gives, or the server when it ends.
-
-    Args:
-        server: of the server.
-    """
+    """A `StopSignal` that the page gives, or the server when it ends."""
 
     def __init__(self, server: StopSignal) -> None:
         self._server = server

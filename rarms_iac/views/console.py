@@ -179,7 +179,7 @@ class _Recommendation:
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":
-    """Anything, some columns to the right."""
+    """Move anything some columns to the right."""
     return _HangingIndent(head=styled(" " * indent), more=0, content=content)
 
 

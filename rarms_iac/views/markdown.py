@@ -37,7 +37,7 @@ def findings_markdown(findings: Sequence[Diagnostic]) -> str:
 
 
 def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
-    """Errors and warnings, and folded the notes."""
+    """Yield errors and warnings, then the notes, folded."""
     grouped = {
         severity: [_finding(finding) for finding in findings if finding.severity is severity] for severity in Severity
     }

@@ -75,7 +75,7 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
 
 
 def plan_title(plan: Plan) -> str:
-    """`Plan e1b8e52e55c8 to apply rarms.yaml with laptop.yaml: delivery-robot on robot-3`."""
+    """Write as `Plan e1b8e52e55c8 to apply: delivery-robot on robot-3, from rarms.yaml with laptop.yaml`."""
     manifest = visible(" with ".join([plan.manifest, *plan.overlays]), keep="")
     robot = f" on {plan.robot}" if plan.robot else ""
     return f"Plan {plan.id} to {TITLES[plan.purpose]}: {plan.application}{robot}, from {manifest}"

@@ -202,7 +202,7 @@ RUNS = (
 
 
 def describe_run(run: PastRun) -> str:
-    """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
+    """Write as `apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
     robot = f" on {run.robot}" if run.robot else ""
     return f"{_command(run)} of plan {run.plan}{robot}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 

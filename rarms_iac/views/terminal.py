@@ -182,7 +182,7 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
 
 
 def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
-    """Columns of a terminal or as `COLUMNS` says, within reason; 80 elsewhere."""
+    """Return the columns of a terminal or of `COLUMNS`, within limits; 80 elsewhere."""
     if not _has_width(out, environment):
         return DEFAULT_WIDTH
     return max(NARROWEST, min(shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns, WIDEST))

@@ -72,7 +72,7 @@ def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
 
 
 def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
-    """`<= 100 ms`, which leaves room in a table."""
+    """Write a threshold as `<= 100 ms`, short enough for a table."""
     return f"{'<=' if isinstance(threshold, AtMost) else '>='} {show_value(index, threshold.value, threshold)}"
 
 
@@ -144,7 +144,7 @@ def proof_time(proof: ComponentProof) -> str:
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
-    """`met`; of a maximum or minimum `met so far`, since the next job may do worse; undecided: `not shown yet`."""
+    """Write as `met`, `missed` or `not shown yet`; an extreme is `met so far`: the next job may do worse."""
     if verdict in NOT_SHOWN:
         return "not shown yet"
     return "met so far" if index.is_extreme and verdict == "met" else verdict

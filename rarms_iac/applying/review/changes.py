@@ -184,7 +184,7 @@ def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterat
 
 
 def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
-    """Memory that is taken from a partition may be in use there."""
+    """Report memory that is taken from a partition: it may be in use there."""
     for change in plan.changes:
         match change:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
@@ -223,7 +223,7 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
 
 
 def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Disks whose removal was asked for: which are deleted, and which stay all the same."""
+    """Report the disks whose removal was asked for: deleted ones, and those that stay all the same."""
     for step in plan.steps:
         if isinstance(step.operation, RemoveDisk):
             yield DISK_REMOVED.at(

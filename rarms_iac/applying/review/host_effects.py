@@ -228,7 +228,7 @@ def busy_share(settings: PartitionSettings, running: Sequence[PartitionSettings]
 
 
 def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
-    """Task classes of Windows or of a computer's maker may run above robotic ones; they stay as they are.
+    """Report foreign task classes that may run above robotic ones; they stay as they are.
 
     Once a host, where the plan writes task classes.
     """
@@ -250,7 +250,7 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
 
 
 def classes_above(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[tuple[str, TaskClass, int]]:
-    """Classes of others, in Medium or High, whose threads run above a robotic class of the same operating system.
+    """Find foreign classes in Medium or High whose threads run above a robotic class of the same system.
 
     Yields:
         The partition (empty: the host itself), the class, and the priority of its threads.
@@ -312,7 +312,7 @@ def review_limits_without_effect(request: PlanRequest, desired: Desired) -> Iter
 
 
 def _without_effect(group: Group, host: Host, processors: int) -> Iterator[tuple[str, str, str, str]]:
-    """Section and name of each such limit, the reason, and what to do."""
+    """Yield section and name of each such limit, the reason, and the advice."""
     own = group.request.cpu.limit is not None
     limited = [member.name for member in group.members if member.cpu.limit is not None]
     open_members = [member.name for member in group.members if member.cpu.limit is None]

@@ -35,7 +35,7 @@ _SECRET = re.compile(r"(?i)(password|passwd|passphrase|secret|api_?key|access_?k
 
 @check(TOO_LITTLE)
 def nothing_kept_for_host(system: System) -> Iterator[Violation]:
-    """Hosts that keep no processor time, or too little memory, for the components that may run on them."""
+    """Find hosts that keep no processor time, or too little memory, for components that may run on them."""
     on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
     for host in system.hosts.values():
         here = [component for component in on_host if host in allowed_hosts(system, component)]
@@ -61,7 +61,7 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
 
 @host_check(OVER_HOST)
 def keeps_more_than_it_has(host: Host) -> Iterator[Violation]:
-    """More processors or memory in `keep_for_host` than the host has."""
+    """Find more processors or memory in `keep_for_host` than the host has."""
     withheld = host.keep_for_host
     processors = in_processors(withheld.processor, host.logical_processors)
     if processors > host.logical_processors:
@@ -82,7 +82,7 @@ def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
 
 @host_check(NO_EFFECT)
 def connect_to_simulated(host: Host) -> Iterator[Violation]:
-    """`connect` on a simulated host."""
+    """Find `connect` on a simulated host."""
     if host.provider is ProviderKind.SIMULATED and host.connect is not None:
         yield violation(
             ("hosts", host.name, "connect"),
@@ -95,7 +95,7 @@ def connect_to_simulated(host: Host) -> Iterator[Violation]:
 
 @host_check(UNKNOWN_KEY)
 def not_by_winrm(host: Host) -> Iterator[Violation]:
-    """`winrm` to a host that has no Windows, or with a user and no password, or the other way round."""
+    """Find `winrm` to a host without Windows, or with only one of user and password."""
     if not isinstance(host.connect, WinRmConnect):
         return
     path = ("hosts", host.name, "connect")
@@ -122,7 +122,7 @@ def not_by_winrm(host: Host) -> Iterator[Violation]:
 
 @check(Finding.error("RARMS085", "Hosts of one platform differ"))
 def platform_of_different_hosts(system: System) -> Iterator[Violation]:
-    """Hosts whose provider or LPs differ from the first host of their platform."""
+    """Find hosts whose provider or LPs differ from the first host of their platform."""
     first: dict[str, Host] = {}
     for host in system.hosts.values():
         other = first.setdefault(host.platform, host)
@@ -154,7 +154,7 @@ def _difference(host: Host, other: Host) -> str:
 
 @check(WRONG_VALUE)
 def path_on_windows(system: System) -> Iterator[Violation]:
-    """Paths that are not absolute, that no Windows has, and that a cmdlet would read as a pattern."""
+    """Find paths that are relative, not valid on Windows, or a pattern to a cmdlet."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
     for name, host in hosts.items():
         yield from _path_violations("hosts", name, {"image": host.image, "vm_path": host.vm_path})
@@ -166,7 +166,7 @@ def path_on_windows(system: System) -> Iterator[Violation]:
 
 @check(GENERATION)
 def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
-    """Machines of generation 1 have a BIOS, and no secure boot."""
+    """Find secure boot for machines of generation 1, which have a BIOS."""
     hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
     found = [("hosts", name) for name, host in hosts.items() if host.secure_boot and host.generation == 1]
     usual = {host.generation for host in hosts.values()}
@@ -208,7 +208,7 @@ def _path_problem(path: str) -> str:
 
 @check(NO_RESPONSIVENESS)
 def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
-    """Values that Windows takes for another one or as the end of MMCSS, and hosts without MMCSS."""
+    """Find values that Windows rounds or takes for the end of MMCSS, and hosts without MMCSS."""
     for host in system.hosts.values():
         percent = host.system_responsiveness
         if percent is None:
@@ -236,7 +236,7 @@ def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
 
 @check(Finding.error("RARMS090", "The manifest contains a secret"))
 def secret_in_clear(system: System) -> Iterator[Violation]:
-    """Credentials that do not look like the name of one."""
+    """Find credentials that do not look like the name of one."""
     named = [
         (("partitions", name, "guest"), name, request.guest.credential) for name, request in system.partitions.items()
     ]
@@ -263,7 +263,7 @@ def is_reference(text: str) -> bool:
 
 @component_check(Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret"))
 def secret_in_environment(component: Component) -> Iterator[Violation]:
-    """Variables with a secret's name whose value stands in the manifest."""
+    """Find variables with a secret's name whose value stands in the manifest."""
     for name, value in (component.run.environment if component.run is not None else {}).items():
         if isinstance(value, str) and value and _SECRET.search(name):
             yield violation(

@@ -26,7 +26,7 @@ TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than 
 
 @component_check(MISSING)
 def missing_to_measure(component: Component) -> Iterator[Violation]:
-    """Measured reserves without `apt` or a way to start the component, and a miss rate without a deadline."""
+    """Find measured reserves without `apt` or start, and a miss rate without a deadline."""
     is_measured = component.cpu.reserve is Measured.MEASURED
     if is_measured and not component.apt:
         yield violation(
@@ -55,7 +55,7 @@ def missing_to_measure(component: Component) -> Iterator[Violation]:
 
 @check(Finding.warning("RARMS325", "The loads leave processors idle"))
 def weak_loads(system: System) -> Iterator[Violation]:
-    """Reservations that rest on loads of which none can take all that P2 reserves."""
+    """Find reservations whose loads cannot take all that P2 reserves."""
     for component in system.components.values():
         if component.cpu.reserve is not Measured.MEASURED:
             continue
@@ -82,7 +82,7 @@ def weak_loads(system: System) -> Iterator[Violation]:
 
 @component_check(WRONG_VALUE)
 def no_sample_in_time(component: Component) -> Iterator[Violation]:
-    """Periodic components that are measured for less than one period."""
+    """Find periodic components that are measured for less than one period."""
     match component.run:
         case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
             here = ("components", component.name, "run")
@@ -99,7 +99,7 @@ def no_sample_in_time(component: Component) -> Iterator[Violation]:
 
 @component_check(Finding.warning("RARMS069", "The time-out comes before the threshold"))
 def timeout_before_threshold(component: Component) -> Iterator[Violation]:
-    """Time-outs at or below a deadline or a response time that would still be good enough."""
+    """Find time-outs at or below a deadline or a response time that would still be good enough."""
     if component.run is None:
         return
     for name, allowed in _allowed_times(component, component.run):
@@ -125,7 +125,7 @@ def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fracti
 
 @component_check(MISSING)
 def index_without_field(component: Component) -> Iterator[Violation]:
-    """Indexes whose values no field of `run.samples` gives."""
+    """Find indexes whose values no field of `run.samples` gives."""
     if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
         return  # there the runner itself sees when a job starts, ends and fails
     for name in component.apt:
@@ -166,7 +166,7 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
 
 @check(TOO_FEW_SAMPLES)
 def samples_not_to_be_had(system: System) -> Iterator[Violation]:
-    """Thresholds of measured reserves that need more samples than `run.until` or the budget allow; a longer `until`."""
+    """Find measured thresholds that need more samples than `run.until` or the budget allows."""
     budget = system.policy.measuring.setting
     for component in system.components.values():
         if component.cpu.reserve is not Measured.MEASURED:
@@ -257,7 +257,7 @@ def _least_until(run: Run, between: Fraction) -> Fraction:
 
 @check(WRONG_VALUE)
 def pattern_is_not_re2(system: System) -> Iterator[Violation]:
-    """Patterns that google-re2 refuses, or that would take too much memory."""
+    """Find patterns that google-re2 refuses, or that would take too much memory."""
     for component, samples in _with_pattern(system):
         groups = pattern_groups(samples.pattern)
         if isinstance(groups, str):
@@ -273,7 +273,7 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
 
 @check(MISSING)
 def pattern_without_group(system: System) -> Iterator[Violation]:
-    """Fields in `run.samples` that no named group of the pattern gives."""
+    """Find fields in `run.samples` that no named group of the pattern gives."""
     suggestions = Suggestions()
     for component, samples in _with_pattern(system):
         groups = pattern_groups(samples.pattern)

@@ -40,7 +40,7 @@ _ADVICE_ON_TASKS = f"Use one of {', '.join(ROBOTIC_TASKS)}, or add the class to 
 
 @check(UNKNOWN_NAME)
 def unknown_name(system: System) -> Iterator[Violation]:
-    """Every host, component, partition, interference or task class that is named and does not exist."""
+    """Find names of hosts, components, partitions, interference or task classes that do not exist."""
     suggestions = Suggestions()
     for path, name, kind, known in _references(system):
         if name not in known:
@@ -105,7 +105,7 @@ def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str
 def _loads(
     path: tuple[str, ...], names: Sequence[str], system: System
 ) -> Iterator[tuple[Path, str, str, Collection[str]]]:
-    """NOTE: one name may stand without a list, and then has the path of the key."""
+    """Yield references to loads; one name may stand without a list, and then has the path of the key."""
     if len(names) == 1:
         yield path, names[0], "interference", system.interference
     else:
@@ -192,7 +192,7 @@ def _kept(system: System) -> Iterator[_Kept]:
 
 @check(KEPT_NAME)
 def kept_name(system: System) -> Iterator[Violation]:
-    """Names that Windows, PowerShell, systemd or rarms keeps for something else."""
+    """Find names that Windows, PowerShell, systemd or rarms keeps for something else."""
     for row in _kept(system):
         for path, name in row.names:
             if name.lower() in row.kept:
@@ -208,7 +208,7 @@ def kept_name(system: System) -> Iterator[Violation]:
 
 @check(MOVED)
 def moved_nowhere(system: System) -> Iterator[Violation]:
-    """Entries of `moved` that lead back to where they start, or whose old name a partition still has."""
+    """Find entries of `moved` that lead back to their start, or whose old name a partition still has."""
     lengths = _circle_lengths(system.moved)
     existing = partition_names(system) if system.moved else set()
     for old, new in system.moved.items():
@@ -275,7 +275,7 @@ def no_components(system: System) -> Iterator[Violation]:
 
 @check(NOT_USED)
 def unused_interference(system: System) -> Iterator[Violation]:
-    """Interference that neither the policy nor a component names."""
+    """Find interference that neither the policy nor a component names."""
     used = {*system.policy.interference}.union(*(component.interference for component in system.components.values()))
     for name in system.interference:
         if name not in used and name not in LOADS_WITHOUT_ENTRY:
@@ -289,7 +289,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
 
 @check(Finding.error("RARMS053", "A task class of Windows would be changed"))
 def shipped_task(system: System) -> Iterator[Violation]:
-    """Classes that come with Windows and would be changed without `replace_shipped`."""
+    """Find classes that come with Windows and would be changed without `replace_shipped`."""
     for task in system.tasks.values():
         if is_shipped_task(task.name) and not task.replace_shipped:
             yield _shipped_task_violation(("tasks", task.name), task.name)
@@ -351,7 +351,7 @@ def shared_task(system: System) -> Iterator[Violation]:
 
 @check(NOT_USED)
 def unused_task(system: System) -> Iterator[Violation]:
-    """Entries of `tasks` that no component names."""
+    """Find entries of `tasks` that no component names."""
     used = {component.task.lower() for component in system.components.values() if component.task is not None}
     for name in system.tasks:
         if name.lower() not in used:

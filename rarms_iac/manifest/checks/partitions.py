@@ -34,7 +34,7 @@ _MEBIBYTE = 2**20
 
 @check(CONTRADICTION)
 def several_partitions(system: System) -> Iterator[Violation]:
-    """Every partition but the first that lists a component."""
+    """Find every partition but the first that lists a component."""
     listed: dict[str, Path] = {}
     for partition in system.partitions.values():
         for number, name in enumerate(partition.components):
@@ -54,7 +54,7 @@ def several_partitions(system: System) -> Iterator[Violation]:
 
 @check(ON_HOST)
 def host_component_in_partition(system: System) -> Iterator[Violation]:
-    """Partitions, and `together`, that name a component with `runs_on: host`."""
+    """Find partitions, and `together`, that name a component with `runs_on: host`."""
     on_host = {component.name for component in system.components.values() if component.runs_on is RunsOn.HOST}
     for partition in system.partitions.values():
         for number, name in enumerate(partition.components):
@@ -77,7 +77,7 @@ def _host_component_violation(path: Path, name: str) -> Violation:
 
 @component_check(ON_HOST)
 def host_component_with_cpu(component: Component) -> Iterator[Violation]:
-    """`runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
+    """Find `runs_on: host` with a reserve, limit, weight, `processors`, `dedicated` or `together`."""
     if component.runs_on is RunsOn.HOST:
         for path, is_set in _partition_settings(component):
             if is_set:
@@ -101,7 +101,7 @@ def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...],
 
 @partition_check(KEPT_NAME)
 def partition_of_another_name(system: System, partition: PartitionRequest) -> Iterator[Violation]:
-    """Partitions that are called like a component which is no member."""
+    """Find partitions that have the name of a component that is no member."""
     name = partition.name
     if name in system.components and name not in partition.components:
         yield violation(
@@ -116,7 +116,7 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
 
 @check(CONTRADICTION)
 def together_and_apart(system: System) -> Iterator[Violation]:
-    """Components that are apart from one which `together` binds to them, however many steps away."""
+    """Find components with `apart` from one that `together` binds to them, directly or by others."""
     bound = _bound(system)
     for component in system.components.values():
         for number, other in enumerate(component.apart):
@@ -163,7 +163,7 @@ def _contradiction(system: System, component: Component, other: str) -> str:
 
 @check(CONTRADICTION)
 def dedicated_shares(system: System) -> Iterator[Violation]:
-    """Dedicated components that `together` or a partition's entry puts beside others."""
+    """Find dedicated components that `together` or a partition's entry puts together with others."""
     bound = _bound(system)
     for name, component in system.components.items():
         if component.dedicated and len(bound[name]) > 1:
@@ -190,7 +190,7 @@ def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Viol
 
 @partition_check(CONTRADICTION)
 def apart_in_one_partition(system: System, partition: PartitionRequest) -> Iterator[Violation]:
-    """Members of one partition that are apart from each other."""
+    """Find members of one partition that are apart from each other."""
     components = members(system, partition)
     names = {component.name for component in components}
     for component in components:
@@ -208,7 +208,7 @@ def apart_in_one_partition(system: System, partition: PartitionRequest) -> Itera
 
 @check(CONTRADICTION)
 def together_is_separated(system: System) -> Iterator[Violation]:
-    """Components bound by `together` of which one has an entry and the other is elsewhere."""
+    """Find components bound by `together` of which one has an entry and the other is elsewhere."""
     listed = partition_of_component(system)
     for component in system.components.values():
         for number, name in enumerate(component.together):
@@ -233,7 +233,7 @@ def _location(name: str, listed: Mapping[str, str]) -> str:
 
 @check(CONTRADICTION)
 def no_common_host(system: System) -> Iterator[Violation]:
-    """Partitions, and `together`, whose components allow no common host."""
+    """Find partitions, and `together`, whose components allow no common host."""
     for partition in system.partitions.values():
         components = members(system, partition)
         if components and _have_no_common_host(system, components):
@@ -264,7 +264,7 @@ def _no_common_host_violation(system: System, path: Path, components: list[Compo
 
 @partition_check(TOO_LITTLE)
 def partition_memory_below_members(system: System, partition: PartitionRequest) -> Iterator[Violation]:
-    """Partitions whose own memory is less than the sum of their components'."""
+    """Find partitions whose own memory is less than the sum of their components'."""
     components = members(system, partition)
     needed = sum(component.memory for component in components)
     if partition.memory is not None and partition.memory < needed:
@@ -281,7 +281,7 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
 
 @check(OVER_HOST)
 def memory_over_host(system: System) -> Iterator[Violation]:
-    """Partitions whose memory is above that of every possible host less what is kept for it."""
+    """Find partitions with more memory than every possible host has without what is kept for it."""
     for section, name, memory, hosts in _memory_of_partitions(system):
         if hosts and all(memory > _memory_for_partitions(host) for host in hosts):
             largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
@@ -300,7 +300,7 @@ def memory_over_host(system: System) -> Iterator[Violation]:
 
 @check(WRONG_VALUE)
 def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
-    """Memory on a host like Hyper-V that is too little for a machine, or no even number of MiB."""
+    """Find memory that a host like Hyper-V refuses: too little, or an odd number of MiB."""
     for section, name, memory, hosts in _memory_of_partitions(system):
         up = machine_memory(memory)
         if memory != up and any(map(behaves_like_hyperv, hosts)):
@@ -322,7 +322,7 @@ def _memory_for_partitions(host: Host) -> int:
 
 
 def _memory_of_partitions(system: System) -> Iterator[tuple[str, str, int, list[Host]]]:
-    """Section, name, bytes and possible hosts of every partition."""
+    """Yield section, name, bytes and possible hosts of every partition."""
     listed = partition_of_component(system)
     for component in system.components.values():
         if component.name not in listed and component.runs_on is RunsOn.PARTITION:

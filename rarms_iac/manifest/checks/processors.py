@@ -47,7 +47,7 @@ from rarms_iac.model.wording import in_a_row
 
 @check(NO_EFFECT)
 def weight_on_linux(system: System) -> Iterator[Violation]:
-    """Weights that the manifest fixes for what may run on a Linux host: its only weight is the reserve."""
+    """Find fixed weights of what may run on a Linux host: its only weight is the reserve."""
     for section, name, cpu, hosts in cpu_settings(system):
         found = [host.name for host in hosts if host.provider is ProviderKind.LINUX]
         if cpu.weight is not None and found:
@@ -63,7 +63,7 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
 
 @check(UNUSABLE_RESERVE)
 def reserve_over_limit(system: System) -> Iterator[Violation]:
-    """Components and partitions whose limit is below what they reserve, on every host they may run on."""
+    """Find components and partitions whose limit is below their reserve on every possible host."""
     for section, name, cpu, hosts in cpu_settings(system):
         reserve, limit = cpu.reserve, cpu.limit
         if reserve is None or limit is None or isinstance(reserve, Measured):
@@ -175,7 +175,7 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
 
 @check(OVER_HOST)
 def more_processors_than_host(system: System) -> Iterator[Violation]:
-    """`processors` above the LPs of every possible host."""
+    """Find `processors` above the LPs of every possible host."""
     for section, name, processors, hosts in _virtual_processors(system):
         most = max((host.logical_processors for host in hosts), default=processors)
         if processors > most:
@@ -191,7 +191,7 @@ def more_processors_than_host(system: System) -> Iterator[Violation]:
 
 
 def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Host]]]:
-    """Section, name, `processors` and possible hosts of every component and partition that fixes it."""
+    """Yield section, name, `processors` and possible hosts of what fixes `processors`."""
     for component in system.components.values():
         if component.processors is not None:
             yield "components", component.name, component.processors, allowed_hosts(system, component)
@@ -223,7 +223,7 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
 
 @check(Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT"))
 def held_back(system: System) -> Iterator[Violation]:
-    """Components with an APT, and their partitions, that are capped or weigh less than the usual 100."""
+    """Find components with an APT, and their partitions, that have a limit or a weight below the usual 100."""
     for section, name, cpu, hosts in cpu_settings(system):
         components, processors = _users(system, section, name)
         with_apt = [component.name for component in components if component.apt]
@@ -271,7 +271,7 @@ def _caps(limit: CpuAmount, processors: int | None, components: Sequence[Compone
 
 @check(CLASS_ORDER)
 def criticalities_alike(system: System) -> Iterator[Violation]:
-    """Different criticalities that end in the same, highest weight."""
+    """Find different criticalities that end in the same, highest weight."""
     if system.policy.headroom is not Headroom.BY_CRITICALITY:
         return
     fixed = {name for partition in system.partitions.values() if partition.cpu.weight for name in partition.components}
@@ -300,7 +300,7 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
 
 @check(ROUNDED)
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
-    """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
+    """Find wide components whose reserve grows much by rounding to whole per cent of each processor."""
     for section, name, cpu, hosts in cpu_settings(system):
         components, fixed = _users(system, section, name)
         unlike = {host.logical_processors: host for host in reversed(hosts)}.values()

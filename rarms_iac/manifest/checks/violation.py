@@ -100,7 +100,7 @@ def _place(places: Places, path: Path, at_key: bool) -> Place:
 
 
 def _owner(path: Path) -> Mapping[str, str]:
-    """Kind and name of the entry that a path leads into: `components, vision, cpu` -> `component: vision`."""
+    """Return kind and name of the entry that a path leads into: `components, vision, cpu` -> `component: vision`."""
     if len(path) < 2 or path[0] not in _ADDRESSED:
         return {}
     return {str(path[0]).removesuffix("s"): str(path[1])}
@@ -128,7 +128,7 @@ def hosts_for(system: System, components: Iterable[Component]) -> list[Host]:
 
 
 def partition_of_component(system: System) -> dict[str, str]:
-    """Component -> the first partition whose entry lists it; components without an entry are not in it."""
+    """Return the first partition that lists each component; unlisted components are left out."""
     partitions: dict[str, str] = {}
     for partition in system.partitions.values():
         for name in partition.components:
@@ -186,7 +186,7 @@ def fixed_reserve(cpu: CpuRequest, host: Host) -> LogicalProcessors | None:
 
 
 def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuRequest, list[Host]]]:
-    """Section, name, CPU and possible hosts of every component and partition for which the manifest fixes CPU."""
+    """Yield section, name, CPU and possible hosts of what the manifest fixes CPU for."""
     for component in system.components.values():
         if component.cpu != _NOTHING_FIXED:
             yield "components", component.name, component.cpu, allowed_hosts(system, component)

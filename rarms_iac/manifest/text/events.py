@@ -118,7 +118,7 @@ class ParsedText:
 
 
 def read_events(source: Source) -> ParsedText:
-    """Plain values (dict, list, text, number, truth, None) of checked text, keys as written.
+    """Read checked text as plain values (dict, list, text, number, truth, None), keys as written.
 
     A key that occurs twice keeps its first value, and is an error in `diagnostics`.
 

@@ -108,7 +108,7 @@ def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
 
 
 def walk_by_ten(history: Sequence[SearchTrial], goal: Goal) -> SearchDecision:
-    """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
+    """Apply CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
 
     Args:
         history: the settings so far; others than its own count for nothing.

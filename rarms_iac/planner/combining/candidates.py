@@ -167,7 +167,7 @@ def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> It
 
 
 def _sharing_graph(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
-    """Nodes are the CoIs by number; an edge joins two that may share a partition."""
+    """Make a graph of the CoIs by number; an edge joins two that may share a partition."""
     import networkx as nx
 
     graph = nx.Graph()

@@ -84,7 +84,7 @@ class PaperTuning:
 def tune_performance_to_use_less_resource(
     cois: Sequence[Coi], fits: Callable[[Sequence[Coi]], bool], inquiry: Inquiry, *, repeat: bool = False
 ) -> PaperTuning:
-    """TPTULR: combine where the CoIs do not fit as they are.
+    """Apply TPTULR: combine CoIs that do not fit as they are.
 
     One call makes one combination; `repeat` goes on with the compound until the CoIs fit or nothing succeeds.
 
@@ -129,7 +129,7 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
 def combine_components(
     cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]
 ) -> tuple[Coi, tuple[Coi, Coi]] | None:
-    """CombineComponents: combine the least critical one with the next that it can be combined with.
+    """Apply CombineComponents: combine the least critical one with the next possible one.
 
     What was asked is added to the trail.
 

@@ -223,7 +223,7 @@ def _needs_no_other_coi(tuning: Tuning, best: LayoutChoice) -> bool:
 def search(
     tuning: Tuning, inquiry: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
 ) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
-    """NextSetting until the answer is there; what was answered before is not asked again.
+    """Repeat NextSetting until the answer is there; answered questions are not asked again.
 
     A combination that a user declines is left out; since a layout with it may be better, nothing is proved then. A
     search that was stopped asks the same questions again, and no answer contradicts what is known.

@@ -249,7 +249,7 @@ def _held_by_others(
 
 
 def _claims_of_others(conflict: Conflict, problem: Problem) -> Iterator[tuple[str, Claim, str]]:
-    """Host, claim and name of each unmanaged machine on the hosts of a conflict."""
+    """Yield host, claim and name of each unmanaged machine on the hosts of a conflict."""
     for host in conflict.bins:
         for machine in problem.seen[host.name].claimants:
             yield host.name, machine.claim, machine.settings.name

@@ -150,7 +150,7 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
 
 
 def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
-    """Fewer virtual processors for a component that was measured alone and does not use all that it has.
+    """Give fewer virtual processors to a component that was measured alone and does not use all.
 
     Args:
         problem: what has no layout.
@@ -266,7 +266,7 @@ def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
 
 
 def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[RelaxationRange]:
-    """Pairs of these partitions that may share one, the least critical first; only measured ones can need less so.
+    """Let two of these partitions share one, the least critical first; both must be measured to need less.
 
     The first level is the least that the two can need together, above what they were shown to miss with; the last is
     just less than they reserve apart.

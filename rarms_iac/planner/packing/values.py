@@ -128,9 +128,6 @@ Objective = tuple[int, int]
 def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective:
     """Return what the packing reserves in all and how many partitions it moves.
 
-    Args:
-        host_of: the host of each, by names.
-
     Returns:
         Per cent of one logical processor, and a count.
     """

@@ -179,7 +179,7 @@ def own_folder() -> Path:
 
 @contextmanager
 def credential_files(names: Iterable[str]) -> Iterator[None]:
-    """While it lasts, scripts find what Credential Manager keeps under these names: encrypted, for this account alone.
+    """Let scripts read these Credential Manager entries meanwhile: encrypted, for this account alone.
 
     Args:
         names: as the manifest has them; each is a generic credential (`cmdkey /generic:NAME`). A file that an operator

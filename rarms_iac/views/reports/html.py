@@ -183,7 +183,7 @@ def _digest(text: str) -> str:
 
 
 def _script_json(data: object) -> str:
-    """JSON that can end no element: every sign that HTML reads is written as an escape."""
+    """Write JSON that cannot end an element: each character that HTML reads is an escape."""
     text = json.dumps(_visible_in(data), separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

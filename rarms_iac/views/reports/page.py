@@ -170,7 +170,7 @@ def _number(value: float) -> str:
 
 
 def _path(points: Sequence[tuple[float, float]]) -> str:
-    """Straight lines through points whose height is 0 at the bottom and 1 at the top; empty where there is none."""
+    """Draw straight lines through points of height 0 (bottom) to 1 (top); empty without points."""
     lines = "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in points)
     return f"M{lines}" if lines else ""
 
@@ -319,5 +319,5 @@ def _distribution(point: MeasuredPoint) -> dict[str, object]:
 
 
 def _finite(value: float) -> float | None:
-    """JSON knows no infinity: null stands for a side that meets nothing."""
+    """Replace infinity, which JSON does not know, by null: a side that meets nothing."""
     return value if isfinite(value) else None

@@ -35,7 +35,7 @@ RESERVE = "reserve (% of the partition's VPs)"
 
 
 def _fields(*headings: str) -> tuple[Column, ...]:
-    """Columns that only files have."""
+    """Make columns that only files have."""
     return tuple(Column(in_files=heading) for heading in headings)
 
 

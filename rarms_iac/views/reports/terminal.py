@@ -148,7 +148,7 @@ def terminal_plot(measurement: Measurement, index: IndexCurve, *, ascii_only: bo
 
 
 def _cells(index_curve: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
-    """Later ones lie above earlier ones."""
+    """Draw the layers in order; later ones cover earlier ones."""
     cells: Cells = {}
     rows, least = index_curve.rows, index_curve.least
     for row in rows:
