@@ -217,12 +217,7 @@ def _measure_all(
                 paths = [data_log_path(hosts, experiment) for experiment in loads]
                 complete |= {path: remeasurements[path] for path in paths if path in remeasurements}
             if prompt is not None and not isinstance(of_loads[-1].conclusion, Stopped):
-                first = decisive(of_loads)
-                try:
-                    answered = ask_levels(Further(session=held, loads=loads, request=request), first, prompt)
-                except SessionEnded:
-                    answered, ended = first, True
-                of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
+                of_loads, ended = _ask(Further(session=held, loads=loads, request=request), of_loads, prompt)
             is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
             of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
             findings += _answer_findings(hosts, of_loads)
@@ -245,6 +240,18 @@ def _measure_all(
         ended=ended,
     )
     return outcome, complete
+
+
+def _ask(
+    further: Further, of_loads: Sequence[ExperimentResult], prompt: LevelPrompt
+) -> tuple[tuple[ExperimentResult, ...], bool]:
+    """Ask the user for levels; return the results with the last answer, and whether the user ended the command."""
+    first, ended = decisive(of_loads), False
+    try:
+        answered = ask_levels(further, first, prompt)
+    except SessionEnded:
+        answered, ended = first, True
+    return (*(each for each in of_loads if each.log != answered.log), answered), ended
 
 
 def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iterator[Diagnostic]:
