@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from rarms_iac.diff.compare_tasks import responsiveness_changes, task_changes
-from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
+from rarms_iac.diff.disruption import can_change_now, disruption_of_update, stops, why_memory_needs_off
 from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRules, StepContext, managed_machines
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
-from rarms_iac.model.facets import LABELS, Facet, setting_text
+from rarms_iac.model.facets import LABELS, setting_text
 from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
@@ -153,7 +153,6 @@ def _is_unchanged(before: Partition, after: Partition) -> bool:
 
 
 def _describe_difference(before: Partition, after: Partition, context: StepContext) -> str:
-    changed = changed_facets(before.settings, after.settings)
     stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NO_USER
     if stopped_by is not StoppedBy.NO_USER and before.settings.running:
         return "it was stopped by rarms, and started with another tool"
@@ -168,7 +167,7 @@ def _describe_difference(before: Partition, after: Partition, context: StepConte
     if not differing:
         return "its mark is written anew: it does not say what was last written"
     stop = "; it is stopped to change that" if stops(before, after.settings, context) and after.settings.running else ""
-    if stop and Facet.MEMORY in changed and (why := why_memory_needs_off(before, after.settings, context)):
+    if stop and (why := why_memory_needs_off(before, after.settings, context)):
         stop += f" (memory: {why})"
     return f"the host differs from the manifest in {in_a_row(differing)}{stop}"
 

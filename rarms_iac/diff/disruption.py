@@ -55,19 +55,20 @@ def needs_off(before: Partition, after: PartitionSettings, context: StepContext)
     changed = {name for facet in FACETS for name in differing(facet, before.settings, after)}
     if changed & WHILE_OFF:
         return True
-    is_memory = changed.intersection(FACETS[Facet.MEMORY].settings)
-    return bool(is_memory and why_memory_needs_off(before, after, context))
+    return bool(why_memory_needs_off(before, after, context))
 
 
 def why_memory_needs_off(before: Partition, after: PartitionSettings, context: StepContext) -> str:
-    """Tell why memory cannot change while the machine runs (windows.md 3).
+    """Tell why a change of memory needs the machine off (windows.md 3).
 
     Args:
         context: the host's version, and the guest's.
 
     Returns:
-        The reason as part of a sentence; empty where memory changes live.
+        The reason as part of a sentence; empty where memory changes live, or stays.
     """
+    if not differing(Facet.MEMORY, before.settings, after):
+        return ""
     host_since = WINDOWS_10 if context.seen.facts.client else SERVER_2016
     guest_build = context.guest_builds.get(before.id, 0)
     if before.settings.dynamic_memory or after.dynamic_memory:
@@ -139,7 +140,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: StepCon
         case RunState.OFF | RunState.RUNNING:
             return True
         case RunState.SAVED:
-            gets = {Facet.CPU, Facet.MEMORY}.intersection(changed_facets(before.settings, after))
+            gets = any(FACETS[facet].capacity for facet in changed_facets(before.settings, after))
             return not off_needed and (after.running or not gets)
         case RunState.PAUSED | RunState.BUSY | RunState.CRITICAL:
             return not off_needed and after.running == before.settings.running

@@ -72,8 +72,9 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
     yield mark_step(builder, after.mark, "from now on it is known as ours, also after a kill")
-    for facet in (Facet.PROCESSORS, Facet.CPU, Facet.ACTIONS):
-        yield facet_step(builder, facet, wanted, wanted)
+    for facet, row in FACETS.items():
+        if not row.in_creation:
+            yield facet_step(builder, facet, wanted, wanted)
     yield builder.step(
         RenamePartition(partition=name, name=wanted.name),
         ("name",),

@@ -116,7 +116,8 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         after=setting_values(new, names),
         machine=builder.address.machine,
     )
-    reads_state = row.while_off.intersection(names) or (facet is Facet.MEMORY and builder.now.state is RunState.OFF)
+    is_off = builder.now.state is RunState.OFF
+    reads_state = row.while_off.intersection(names) or (is_off and row.maybe_off.intersection(names))
     return builder.step(
         operation,
         (*names, "state") if reads_state else names,

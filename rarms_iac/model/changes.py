@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Literal, cast
 
 from rarms_iac.model.diagnostics import Place
-from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing, setting_values
+from rarms_iac.model.facets import FACETS, MAYBE_OFF, WHILE_OFF, differing, setting_values
 from rarms_iac.model.output import Internal, OutputText, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
@@ -139,7 +139,7 @@ def _forced_by(change: "Change", name: str) -> Forced:
         return ""
     # NOTE: memory may change live (windows.md 3); if another setting changes too, only that is known to need the stop.
     stopping = {each for facet in FACETS for each in differing(facet, old.settings, new.settings)} & WHILE_OFF
-    return "restart" if name in (stopping or FACETS[Facet.MEMORY].settings) else ""
+    return "restart" if name in (stopping or MAYBE_OFF) else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,10 +36,12 @@ class FacetRow:
     cmdlet: str  # of Hyper-V
     parameters: Mapping[str, str]  # of the cmdlet, by setting, in their order
     while_off: frozenset[str] = frozenset()  # those that Hyper-V changes only while the machine is off
+    maybe_off: frozenset[str] = frozenset()  # those for which that depends on host and guest: `diff.disruption`
     capacity: str = ""  # the one that takes capacity of the host; empty: none
     comment: str = ""  # why its step has its place; empty: because of the capacity that it takes or gives back
     only_changed: bool = False  # a call names only the settings that differ
     in_group: bool = False  # a running control group is given them, too
+    in_creation: bool = False  # `CreatePartition` sets them; a new machine needs no step for them
 
 
 FACETS: Mapping[Facet, FacetRow] = {
@@ -59,13 +61,14 @@ FACETS: Mapping[Facet, FacetRow] = {
         capacity="reserve",
         in_group=True,
     ),
-    # Whether a running machine takes another memory depends on its host and its guest: `diff.disruption`.
     Facet.MEMORY: FacetRow(
         settings=("memory", "dynamic_memory"),
         cmdlet="Set-VMMemory",
         parameters={"dynamic_memory": "DynamicMemoryEnabled", "memory": "StartupBytes"},
+        maybe_off=frozenset({"memory", "dynamic_memory"}),
         capacity="memory",
         in_group=True,
+        in_creation=True,
     ),
     Facet.ACTIONS: FacetRow(
         settings=("start_action", "stop_action", "checkpoints"),
@@ -85,10 +88,12 @@ FACETS: Mapping[Facet, FacetRow] = {
         parameters={},  # two of them for one setting: `powershell.pieces`
         while_off=frozenset({"secure_boot"}),
         comment="only while it is off",
+        in_creation=True,
     ),
 }
 
 WHILE_OFF = frozenset(name for row in FACETS.values() for name in row.while_off)
+MAYBE_OFF = frozenset(name for row in FACETS.values() for name in row.maybe_off)
 
 LABELS = {
     "name": "name",
@@ -109,6 +114,7 @@ LABELS = {
 """What each field of `PartitionSettings` is called, in the order in which a plan lists them."""
 
 _OF_MACHINES = tuple(name for name in LABELS if name != "quota_period_us")
+_OF_GENERATION_1 = tuple(name for name in _OF_MACHINES if name != "secure_boot")
 _OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memory", "start_action", "running")
 
 NO_LIMIT = 100
@@ -123,7 +129,7 @@ _TYPES: Mapping[str, Any] = {field.name: field.type for field in fields(Partitio
 
 def settings_of(generation: int) -> tuple[str, ...]:
     """Return the settings that a machine of this generation has, or a control group, in the order of `LABELS`."""
-    return _OF_GROUPS if generation == NO_GENERATION else _OF_MACHINES
+    return {NO_GENERATION: _OF_GROUPS, 1: _OF_GENERATION_1}.get(generation, _OF_MACHINES)
 
 
 def setting_values(settings: PartitionSettings, names: Iterable[str] = LABELS) -> Readings:

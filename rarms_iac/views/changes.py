@@ -131,9 +131,9 @@ def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
 
 def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
     return {
-        LABELS[field]: (setting_text(field, settings), _note(field, settings, facts))
+        LABELS[field]: (text, _note(field, settings, facts))
         for field in settings_of(settings.generation)
-        if field != "secure_boot" or settings.secure_boot
+        if (text := setting_text(field, settings))  # empty: not known
     }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import DOCTOR, Wording, prose
-from rarms_iac.model.facets import FACETS, Facet, Readings
+from rarms_iac.model.facets import FACETS, Facet, Readings, settings_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -24,7 +24,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.seen_host import SeenHost
-from rarms_iac.model.state import HostFacts, PartitionSettings, StartAction, State
+from rarms_iac.model.state import NO_GENERATION, HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.cgroups.definitions import (
     DefinitionFiles,
@@ -230,8 +230,10 @@ class LinuxHostProvider(JournaledHost):
             case RestorePartition():
                 self.refuse_repeated(state, operation, scope)
                 self._add(restored_definition(operation))
-            case RemoveDisk() | Set(facet=Facet.SECURE_BOOT):
+            case Set(after=after) if after.keys().isdisjoint(settings_of(NO_GENERATION)):
                 raise self._plan_again(f"a control group cannot do this: {operation}")
+            case RemoveDisk():
+                raise self._plan_again(f"a control group has no disk: {operation}")
             case _ if isinstance(operation, TaskOperation):
                 raise self._plan_again(
                     f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}"

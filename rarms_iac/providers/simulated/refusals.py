@@ -6,7 +6,7 @@ from fractions import Fraction
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model.capacity import Capacity, core_sharing, decide_packing
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.facets import LABELS, Facet
+from rarms_iac.model.facets import LABELS, Facet, settings_of
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operation_effects import applied
@@ -89,15 +89,18 @@ def _refuse_setting(
     operation: Set, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
 ) -> None:
     settings = machine.settings
-    if operation.facet is Facet.SECURE_BOOT and settings.generation == 1:
-        raise Refusal(f"{settings.name} is of generation 1, which has no secure boot", "Make it again.")
+    for setting in sorted(operation.after.keys() - {*settings_of(settings.generation)}):
+        raise Refusal(
+            f"{settings.name} is of generation {settings.generation}, which has no {LABELS[setting]}",
+            "Make it again.",
+        )
     if operation.facet is Facet.MEMORY:
         _refuse_memory(operation, machine, content, facts, guest_build)
         return
     for setting in sorted(operation.row.while_off & operation.after.keys()):
         _refuse_running(machine, f"its {LABELS[setting]}")
-    if operation.facet is Facet.CPU and machine.state is RunState.SAVED:
-        _refuse_running(machine, "its reserve")
+    if operation.row.capacity and machine.state is RunState.SAVED:
+        _refuse_running(machine, f"its {LABELS[operation.row.capacity]}")
     _refuse_settings(applied(settings, operation))
 
 
