@@ -127,7 +127,7 @@ def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, fro
         restorable=_restorable(observed.of(request.application)),
         disks=_removable_disks(system, observed) if request.remove_disks else {},
         making={partition.name: partition.making for partition in desired.partitions},
-        criticality={partition.name: partition.criticality for partition in desired.partitions},
+        criticality={group.name: group.criticality for group in groups_of(system)},
         max_disruption=request.limit,
         remaining=_remaining(request, desired, present),
     )

@@ -64,6 +64,17 @@ def test_stopped_partition_stays_off_without_drift() -> None:
     assert rarms("drift").code == 0
 
 
+def test_least_critical_stops_first() -> None:
+    swapped = MANIFEST.replace("criticality: 9", "criticality: 4")
+    Path("rarms.yaml").write_text(swapped, encoding="utf-8")
+
+    stopped = rarms("stop", "--auto-approve").err
+    started = rarms("start", "--auto-approve").err
+
+    assert stopped.index("  vision: ") < stopped.index("  speech: ")
+    assert started.index("  speech: ") < started.index("  vision: ")
+
+
 def test_stopped_partition_takes_changes() -> None:
     assert rarms("stop", "--auto-approve").code == 0
     Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "30 %"), encoding="utf-8")
