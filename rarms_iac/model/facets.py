@@ -2,6 +2,9 @@
 
 All code that reads, compares, sets, undoes or shows a setting uses `FACETS`, `LABELS` and `setting_text`. A new setting
 is a field of `PartitionSettings`, a label and a place in a row. The operation is `Set` (`model/operations.py`).
+
+The boot order is in the row of the firmware as a parameter only, not as a setting: a creation names the first device,
+and no plan compares or changes it later, because a guest puts an entry of its own first once it runs.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,7 +28,7 @@ class Facet(StrEnum):
     CPU = "cpu"
     MEMORY = "memory"
     ACTIONS = "actions"
-    SECURE_BOOT = "secure_boot"
+    FIRMWARE = "firmware"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +37,8 @@ class FacetRow:
 
     settings: tuple[str, ...]  # fields of `PartitionSettings`
     cmdlet: str  # of Hyper-V
-    parameters: Mapping[str, str]  # of the cmdlet, by setting, in their order
+    # Of the cmdlet, in their order: by setting, or by a reading that is no setting and that a creation alone sets.
+    parameters: Mapping[str, str]
     while_off: frozenset[str] = frozenset()  # those that Hyper-V changes only while the machine is off
     maybe_off: frozenset[str] = frozenset()  # those for which that depends on host and guest: `diff.disruption`
     capacity: str = ""  # the one that takes capacity of the host; empty: none
@@ -82,10 +86,10 @@ FACETS: Mapping[Facet, FacetRow] = {
         comment="what its host does with it",
         only_changed=True,
     ),
-    Facet.SECURE_BOOT: FacetRow(
+    Facet.FIRMWARE: FacetRow(
         settings=("secure_boot",),
         cmdlet="Set-VMFirmware",
-        parameters={},  # two of them for one setting: `powershell.pieces`
+        parameters={"secure_boot": "SecureBootTemplate", "boots_from": "FirstBootDevice"},
         while_off=frozenset({"secure_boot"}),
         comment="only while it is off",
         in_creation=True,

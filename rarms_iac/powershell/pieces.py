@@ -5,7 +5,7 @@ compared, set, read again. A run that was killed between two of its calls finds 
 again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -341,32 +341,43 @@ def _folders(creation: operations.CreatePartition, files: NewFiles) -> dict[str,
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
     """Set the disk as first boot device: a machine made without one tries its network adapter first (windows.md 3)."""
     after: Readings = {"secure_boot": creation.secure_boot} if creation.secure_boot else {}
-    values = _parameters(Facet.SECURE_BOOT, after)
     actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []
     if creation.image:
-        values["FirstBootDevice"] = f"({call('Hyper-V' + SLASH + 'Get-VMHardDiskDrive', VM=VM)})"
         after = {**after, "boots_from": "drive"}
         actions.insert(0, "boot from the disk")
-    return ", ".join(actions), {}, after, call("Hyper-V\\Set-VMFirmware", VM=VM, **values)
+    return ", ".join(actions), {}, after, _set_call(Facet.FIRMWARE, after)
 
 
 def _set_call(facet: Facet, values: Readings) -> str:
-    return call(f"Hyper-V{SLASH}{FACETS[facet].cmdlet}", VM=VM, **_parameters(facet, values))
+    row = FACETS[facet]
+    parameters: dict[str, Literal] = {}
+    for name, parameter in row.parameters.items():
+        if name in values:
+            parameters |= _FORMS.get(name, _plain_parameter)(parameter, values[name])
+    return call(f"Hyper-V{SLASH}{row.cmdlet}", VM=VM, **parameters)
 
 
-def _parameters(facet: Facet, values: Readings) -> dict[str, Literal]:
-    """Return the parameters for these settings; an enumeration of Hyper-V has our word without underscores."""
-    if facet is Facet.SECURE_BOOT:
-        if values.get("secure_boot") == SECURE_BOOT_OFF:
-            return {"EnableSecureBoot": literal("Off")}
-        return (
-            {"EnableSecureBoot": literal("On"), "SecureBootTemplate": literal(values["secure_boot"])} if values else {}
-        )
-    given = {parameter: values[name] for name, parameter in FACETS[facet].parameters.items() if name in values}
-    return {
-        parameter: literal("".join(word.title() for word in value.split("_")) if isinstance(value, str) else value)
-        for parameter, value in given.items()
-    }
+def _plain_parameter(parameter: str, value: Reading) -> dict[str, Literal]:
+    """Return a parameter with its value; an enumeration of Hyper-V has our word without underscores."""
+    given = "".join(word.title() for word in value.split("_")) if isinstance(value, str) else value
+    return {parameter: literal(given)}
+
+
+def _secure_boot(parameter: str, template: Reading) -> dict[str, Literal]:
+    if template == SECURE_BOOT_OFF:
+        return {"EnableSecureBoot": literal("Off")}
+    return {"EnableSecureBoot": literal("On"), parameter: literal(template)}
+
+
+def _only_disk(parameter: str, _: Reading) -> dict[str, Literal]:
+    return {parameter: f"({call('Hyper-V' + SLASH + 'Get-VMHardDiskDrive', VM=VM)})"}
+
+
+_FORMS: Mapping[str, Callable[[str, Reading], dict[str, Literal]]] = {
+    "secure_boot": _secure_boot,
+    "boots_from": _only_disk,
+}
+"""How a value is written that takes more than its parameter with a literal."""
 
 
 def _new_machine(creation: operations.CreatePartition, files: NewFiles) -> str:
