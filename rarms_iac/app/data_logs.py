@@ -11,9 +11,10 @@ from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
+from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import DIFFERENT, Diagnostic, Finding, Given
-from rarms_iac.model.experiment import ProcessorNumber, Used, advice_on_weak_loads, experiment_of, processor_number
+from rarms_iac.model.experiment import ProcessorNumber, Used, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import guaranteed

@@ -15,12 +15,13 @@ from typing import Any, assert_never
 
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.applying.desired_hosts import totals_after
+from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
 from rarms_iac.measuring.evidence import MeasuredIndex, idle_share, measured_indexes, why_unsteady
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
-from rarms_iac.model.experiment import Experiment, advice_on_weak_loads
+from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all

@@ -1,18 +1,17 @@
 """Checks of what is measured: thresholds (`apt`), data logs, and how a component is run and its samples are read."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from math import ceil
 from typing import Any
 
 from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
-from rarms_iac.model.commands import command
+from rarms_iac.model.commands import Prose, RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import MISSING, WRONG_VALUE, Finding
-from rarms_iac.model.experiment import advice_on_weak_loads
-from rarms_iac.model.host import SCHEDULER_WINDOW_MS, ProviderKind
+from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.quantities import show_milliseconds, show_processors
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
@@ -78,6 +77,32 @@ def weak_loads(system: System) -> Iterator[Violation]:
                     host_lp=host.logical_processors,
                 )
                 break
+
+
+def advice_on_weak_loads(
+    system: System, host: Host, members: Sequence[str], loads: Sequence[str], measure: RecommendedCommand
+) -> Prose:
+    """Return advice for loads that are too weak: a busy loop, unless the manifest's own is too weak itself.
+
+    Args:
+        members: names of components that run together, at least one.
+        loads: names of the loads with which they are measured.
+        measure: the command that measures them with a busy loop.
+    """
+    each = f"for each of the {show_processors(host.logical_processors)}"
+    owner = f"components.{members[0]}" if system.components[members[0]].interference else "policy"
+    if not could_take_all(system.interference[BUSY_LOOP], host.logical_processors):
+        way = f"Let `interference.{BUSY_LOOP}` be a busy loop without `threads`, so that it has one {each}"
+    elif BUSY_LOOP in loads:
+        way = (
+            f"`{BUSY_LOOP}` has a thread {each} and was kept from running on them: by other work on the machine, by a "
+            "limit, or by processors that its partition may not use. Find out which"
+        )
+    elif BUSY_LOOP in system.loads_of(members):
+        return prose(f"Measure beside `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")
+    else:
+        way = f"Name `{BUSY_LOOP}` in `{owner}.interference`, so that plans rest on it, too"
+    return prose(f"{way}, and measure beside it: ", measure, ".")
 
 
 @component_check(WRONG_VALUE)
