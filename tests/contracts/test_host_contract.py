@@ -490,6 +490,14 @@ def test_what_needs_a_machine_that_is_off(windows: Room, operation: Operation, m
     do(host, StopPartition(partition="vision", grace_ms=120_000), operation)
 
 
+def test_generation_1_has_no_secure_boot(windows: Room) -> None:
+    _, *rest = making()
+    host = windows.host()
+    do(host, replace(creation(), generation=1), *rest)
+
+    assert "is of generation 1, which has no" in refusal_of(host, set_to("vision", secure_boot="off"))
+
+
 def test_the_startup_memory_of_a_running_dynamic_machine(windows: Room) -> None:
     host = windows.host()
     do(host, *making(dynamic=True), start())
