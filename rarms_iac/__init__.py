@@ -1,7 +1,7 @@
 """rarms: CPU reservations for components that must answer in time, from a manifest to an applied plan.
 
 A program begins with `load`; what it returns goes into `measure`, `tune`, `plan` and `prove`, and a plan into `apply`
-(docs/library.md). Beside them are their requests, results and errors. Each is imported when it is first asked for, so
+(docs/library.md). With them are their requests, results and errors. Each is imported when it is first asked for, so
 that `import rarms_iac` costs nothing.
 """
 

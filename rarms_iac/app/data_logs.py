@@ -126,7 +126,7 @@ def used_processors(
     """Return what data logs say of the processors that components use at once on a host.
 
     Args:
-        host: Logs of its platform count, beside any load of the manifest.
+        host: Logs of its platform count, under any load of the manifest.
         platform_facts: The host as it is now: a log that no longer holds says nothing.
         read: Reads a log; None: each is read when it is asked for.
 
@@ -151,7 +151,7 @@ def used_processors(
 
 
 def logs_of(manifest: Manifest, host: Host, members: Names) -> tuple[Path, ...]:
-    """List where the data logs lie that a reservation of these components together rests on.
+    """List the paths of the data logs that decide a reservation of these components together.
 
     Args:
         manifest: The manifest, beside which its logs lie.
@@ -159,7 +159,7 @@ def logs_of(manifest: Manifest, host: Host, members: Names) -> tuple[Path, ...]:
         members: Names of components of the manifest, sorted.
 
     Returns:
-        A path for each load that it must stand up to; the files need not exist.
+        A path for each load under which it must hold; the files need not exist.
     """
     loads = manifest.system.loads_of(members)
     return tuple(log_path(manifest.folder, host.platform, members, load) for load in loads)
@@ -313,7 +313,7 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
     return DIFFERENT.at(
         None,
         "{logs:all}: the load left more than {_short:%} of the processors idle. What is enough there need not be "
-        "enough beside others.",
+        "enough with others.",
         advice_on_weak_loads(system, host, names, loads, measure),
         address=_address(group),
         logs=tuple(log.path for log in logs),

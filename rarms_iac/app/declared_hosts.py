@@ -220,7 +220,7 @@ def _about_logs(
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Diagnostic]:
-    """Return what exceeds the hosts, beside the partitions that are too large anyway."""
+    """Return what exceeds the hosts, without the partitions that are too large anyway."""
     reported = {group.name for group in problem.groups if _is_about(group, too_large)}
     judged = replace(problem, items=tuple(item for item in problem.items if item.name not in reported))
     return [replace(cause, advice=_ADVICE) for cause in evident_causes(judged)]

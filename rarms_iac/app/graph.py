@@ -69,7 +69,7 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
 
 
 def candidate_graph(manifest: Manifest, *, predict: bool) -> CandidateGraph:
-    """Return the candidate graph: every compound of the partitions whose reservations rest on data logs.
+    """Return the candidate graph: every compound of the partitions with measured reservations.
 
     Args:
         manifest: The graph is that of the first host by name that all of the components may run on.

@@ -181,7 +181,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     ]
     if lacking:
         raise RequestError(
-            f"Beside a snapshot no host is asked, and there is none of {', '.join(lacking)}: "
+            f"With a snapshot no host is asked, and there is none of {', '.join(lacking)}: "
             f"give `--snapshot {lacking[0]}=FILE`, or name other hosts with --host."
         )
     return Hosts(manifest=manifest, selection=selection, snapshots=snapshots)

@@ -124,7 +124,7 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
     text = tutorial_manifest() if tutorial else initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     schema, attributes = path.with_name(SCHEMA_NAME), path.with_name(GIT_ATTRIBUTES)
-    # The manifest last: where a kill comes between, the same command begins anew.
+    # The manifest last: after a kill in between, the same command begins again.
     write_file(str(schema), shipped_text("schemas/manifest.json").encode())
     _add_line(attributes, MERGE_LOGS)
     write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())

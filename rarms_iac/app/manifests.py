@@ -166,7 +166,7 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
     """Check manifests, each with its overlays, as far as that can be done without a host.
 
     Args:
-        sources: as `sources_in` finds them. Beside them only files below a manifest's folder are read.
+        sources: as `sources_in` finds them. Otherwise only files below a manifest's folder are read.
 
     Returns:
         The findings of all, each once, in the order of their places; the first of each kind.

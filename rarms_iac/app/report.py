@@ -80,7 +80,7 @@ def not_yet_proven(findings: Iterable[Diagnostic], proofs: Sequence[ComponentPro
         proofs: the last ones of its components.
 
     Returns:
-        The findings, in the same order. A note stays where a threshold of it was not proven beside a load, or a
+        The findings, in the same order. A note stays where a threshold of it was not proven under a load, or a
             proof of it did not hold or is outdated.
     """
     held: dict[tuple[str, str], bool] = {}
@@ -191,7 +191,7 @@ def _reported_log(system: System, files: Files, path: Path, file: LogFile, last:
 
 
 def _proofs(manifest: Manifest, components: Sequence[str], reservations: ReservationSource) -> Iterator[ComponentProof]:
-    """Yield what components showed in the applied layout; of each host the last beside each load."""
+    """Yield what components showed in the applied layout; of each host the last under each load."""
     system, folder = manifest.system, manifest.folder
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):

@@ -237,7 +237,7 @@ def _facts(log: DataLog, others: int) -> Iterator[tuple[str, str]]:
     yield "Limit and weight", f"{show_reserve(setup.limit, setup.processors)}, {setup.weight}"
     running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if running:
-        yield "Ran beside it", ", ".join(running)
+        yield "Ran with it", ", ".join(running)
     yield "Conditions", log.header.digest
     if others:
         yield "Measured under other conditions", f"{counted(others, 'setting')}, not used"

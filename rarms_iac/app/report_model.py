@@ -31,7 +31,7 @@ class CurveRow:
     value: OpenBound  # in the index's unit
     low: OpenBound  # the band
     high: OpenBound
-    safe: OpenBound  # the side of the band that a reservation rests on
+    safe: OpenBound  # the side of the band that decides a reservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +103,7 @@ class Measurement:
     verdict: ReservationVerdict = ReservationVerdict(thresholds=())  # on its components there, with all of their loads
     fixed: tuple[str, ...] = ()  # its components, if the manifest says what they reserve
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
-    stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
+    stale: tuple[str, ...] = ()  # what changed since; a stale log is not used
     indexes: tuple[IndexCurve, ...] = ()
     settings: Internal[tuple[Setting, ...]] = ()  # with every sample, in the order in which they were measured
     facts: Internal[tuple[tuple[str, str], ...]] = ()  # where it comes from, for people: name, value

@@ -48,7 +48,7 @@ class SelectedLevel:
     measured_below: int  # the next lower reserve that was measured; 0: none was
     expected: Estimate | Point | None  # the index there, and its band; None: not measured there
     interference: str  # the load that asks for most: both are of its log
-    other_loads: tuple[str, ...]  # that it stands up to as well
+    other_loads: tuple[str, ...]  # under which it holds as well
 
     @property
     def may_be_less(self) -> bool:
@@ -107,7 +107,7 @@ FAR = 10
 
 
 Loads = tuple[MeasuredTogether, ...]
-"""The data logs of a partition on a host, one for each load: a level holds where it holds beside each."""
+"""The data logs of a partition on a host, one for each load: a level holds if it holds under each."""
 
 
 def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
@@ -125,7 +125,7 @@ def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
 
 
 def _easiest(choice: "_Choice", loads: Loads) -> str:
-    """Name the best level that holds beside every load as it was measured, with its CR; empty: none is known."""
+    """Name the best level that holds under every load as it was measured, with its CR; empty: none is known."""
     name, index = choice.component.name, choice.index
     safe = [log.curves(name, index.name).safe_value_at(log.measured[-1]) for log in loads]
     known = [value for value in safe if value is not None and isfinite(value)]
@@ -136,7 +136,7 @@ def _easiest(choice: "_Choice", loads: Loads) -> str:
     reserve = decide([with_level], loads).verdict.reserve
     if reserve is None:
         return ""
-    load_suffix = " beside each load" if len(loads) > 1 else ""
+    load_suffix = " under each load" if len(loads) > 1 else ""
     return f": {level} holds with {reserve} % of its VPs{load_suffix}"
 
 

@@ -159,12 +159,12 @@ class Overview:
     application: str
     hosts: tuple[HostOverview, ...]  # the chosen ones, by name
     proofs: tuple[ComponentProof, ...]  # the last of each threshold
-    stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
+    stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would use
     verdicts: tuple[ComponentVerdict, ...]  # on each component whose reserve is to be measured, by platform
     next_command: NextCommand | None  # None: nothing is left to do, as far as is known, or a run holds a host
     problems: tuple[Diagnostic, ...] = ()  # why the manifest has no layout; empty: it has, or no host could be asked
     has_thresholds: Internal[bool] = True  # whether a component has an APT
-    unused_logs: int = 0  # stale data logs of loads that no reservation rests on
+    unused_logs: int = 0  # stale data logs of loads that no reservation uses
 
     @output
     def unknown(self) -> tuple[str, ...]:
@@ -336,7 +336,7 @@ def _next_command(
 def _next_proof_command(
     system: System, partitions: Sequence[PartitionStatus], proofs: Sequence[ComponentProof]
 ) -> NextCommand | None:
-    """Return what is missing, once all is applied, until every threshold is shown to be met beside every load."""
+    """Return what is missing, once all is applied, until every threshold is shown to be met under every load."""
     asked = {
         (name, index, load)
         for name, component in system.components.items()

@@ -29,7 +29,7 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
         report: Hears in words where the component is about to run; a component that nothing could reserve for has none.
 
     Returns:
-        Its place; without a partition here, beside everything else.
+        Its place; without a partition here, with everything else.
     """
     if sys.platform == "win32":
         return _task_of(component, report)
@@ -55,7 +55,7 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
         inside = f"in its partition {name} on {host.name}" if group else f"on {host.name} itself"
         report(f"{component.name} runs {inside}{task}.")
         return place
-    report(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
+    report(f"{component.name} runs without a reservation, with everything else: {'; '.join(reasons)}.")
     return ProcessPlace()
 
 

@@ -37,7 +37,7 @@ class LastApply:
 
     @property
     def can_be_undone(self) -> bool:
-        """Whether there is something to take back, or an undo to finish."""
+        """Whether there is something to undo, or an undo to finish."""
         return self.journal is not None and can_be_undone(self.journal)
 
 
@@ -55,9 +55,9 @@ class UndoPreview:
 
 
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
-    """Return the chosen hosts whose last apply can be taken back; where none has such, the first host alone.
+    """Return the chosen hosts whose last apply can be undone; if none has such, the first host alone.
 
-    An application takes back its own applies only.
+    An application undoes its own applies only.
 
     Args:
         hosts: the chosen ones are read, in name order.
@@ -74,7 +74,7 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
         opened = tuple(hosts.open(name) for name in hosts.chosen)
         for host in opened:
             if isinstance(host, RobotHost):
-                host.look_once()  # it takes back nothing but the apply that was seen
+                host.look_once()  # it undoes nothing but the apply that was seen
         all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
         states = {last.host.name: last.host.observe() for last in all_hosts if last.journal is None}
     missing = {name: marked for name, state in states.items() if (marked := marked_resources(state))}
@@ -170,7 +170,7 @@ def undo_applies(
         keep: leave a partition or task class as it was applied if the apply replaced a value that rarms had not set.
 
     Returns:
-        How it ended, by host; what cannot be taken back is among the diagnostics.
+        How it ended, by host; what cannot be undone is among the diagnostics.
 
     Raises:
         UseCaseError: a host is held (refused).

@@ -102,7 +102,7 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
 
 
 def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> StepContext:
-    """Make what the steps of a host depend on beside the changes: capacity, guests, disks, grace periods and limits.
+    """Make what else the steps of a host depend on: capacity, guests, disks, grace periods and limits.
 
     Args:
         present: by host that was looked at, as of `partitions_present`.

@@ -131,7 +131,7 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
             facts.name,
             "{host} does not tell which scheduler it runs: whether reserve, limit and weight of {_whose} "
             "have an effect is not known.",
-            "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew; or run `bcdedit "
+            "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor again; or run `bcdedit "
             "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
             place=place,
             scheduler=facts.scheduler.value,

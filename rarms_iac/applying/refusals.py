@@ -34,7 +34,7 @@ UNDO_FOREIGN = Finding.warning("RARMS402", "An undo sets a value that rarms had 
 UNSIGNED = Finding.error("RARMS341", "The plan is not signed with the key")
 
 _LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
-GO_ON = prose("Run the same command again to finish it, ", UNDO, " to take it back, or ", _LEAVE)
+GO_ON = prose("Run the same command again to finish it, ", UNDO, " to reverse it, or ", _LEAVE)
 _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
 _LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what differs from the manifest.")
 
@@ -77,7 +77,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     if isinstance(journal, Journal) and (other := begun_by_another_version(host, journal)) is not None:
         return other
     started = journal.started
-    either = prose(APPLY, " to finish it, ", UNDO, " to take it back")
+    either = prose(APPLY, " to finish it, ", UNDO, " to reverse it")
     if started.run is RunKind.UNDO:
         either = prose(UNDO, " to finish it")
     return UNFINISHED.of_host(
@@ -150,13 +150,13 @@ def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
 
 
 def run_of_another(host: str, journal: Journal | ScriptRun, application: Application) -> Diagnostic:
-    """Refuse to take back a run of another application or robot, which alone may do that."""
+    """Refuse to undo a run of another application or robot, which alone may do that."""
     started = journal.started
     begun_for, own = (
         f"{quoted(each)} of the robot {quoted(robot)}" if robot else quoted(each)
         for each, robot in ((started.application, started.robot), (application.name, application.robot))
     )
-    advice = prose("Take it back with that application's manifest: ", command("undo", f="MANIFEST"), ".")
+    advice = prose("Undo it with that application's manifest: ", command("undo", f="MANIFEST"), ".")
     if started.application == application.name:
         advice = prose(f"Give that robot's overlay, {started.robot}.yaml, last.")
     return OTHERS_RUN.of_host(
@@ -276,12 +276,12 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
 
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
-    """Report that there is no apply to take back."""
+    """Report that there is no apply to undo."""
     return NOTHING_CHANGED.of_host(host, "{host}: {reason}.", "Nothing was changed.", reason=why)
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
-    """Warn of a step that cannot be taken back, or not wholly."""
+    """Warn of a step that cannot be undone, or not wholly."""
     return UNDO_PARTIAL.at(
         None,  # the step's line is of the manifest that was applied, which may name another component by now
         "{resource} on {host}, `{step}`: {reason}.",
@@ -293,7 +293,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
-    """Warn of what an undo script cannot take back, as it says of itself."""
+    """Warn of what an undo script cannot undo, as it says of itself."""
     return UNDO_PARTIAL.of_host(host, "{host}: {reason}.", _LOST, reason=lost.rstrip("."))
 
 

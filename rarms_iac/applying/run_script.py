@@ -49,7 +49,7 @@ class ScriptJob:
 
 
 def apply_job(plan: str, part: HostPlan, purpose: Purpose = Purpose.APPLY) -> ScriptJob:
-    """Return the plan's own bytes: the script that does it, and beside it the one that takes it back."""
+    """Return the plan's own bytes: the script that does it, and the one that undoes it."""
     name, undo = script_name(part), script_name(part, undo=True)
     files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
     return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={}, purpose=purpose)
@@ -273,7 +273,7 @@ def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
     return STEP_FAILED.at(
         None,
         "{_location}: {reason} (exit code {exit_code}).",
-        sentences("Mend that on the host.", GO_ON),
+        sentences("Correct that on the host.", GO_ON),
         address=at or f"host/{host}",
         host=host,
         resource=at,

@@ -107,7 +107,7 @@ def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_b
     try:
         live = host.read(step.address, scope)
         if matches(live, step.after):
-            # NOTE: a step that was begun by a killed run and is found done was our doing: undo must take it back.
+            # NOTE: a step that was begun by a killed run and is found done was our doing: an undo must reverse it.
             status = StepStatus.CHANGED if was_begun else StepStatus.UNCHANGED
             host.record(StepRecorded(number=number, status=status))
             return status
@@ -144,7 +144,7 @@ def _expected(steps: Iterable[Step]) -> Mapping[Address, Readings]:
     """Return what each address shows once these steps are done, in their order."""
     expected: dict[Address, dict[str, Reading]] = {}
     for step in steps:
-        # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
+        # A machine that is made again has the address of the old one, but not its id: the last address counts.
         before = expected.pop(step.address, {})
         expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
     return expected

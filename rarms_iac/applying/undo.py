@@ -133,7 +133,7 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UndoneStep:
-    """A step that an undo takes back, and how much of it."""
+    """A step that an undo reverses, and how much of it."""
 
     address: str
     title: str
@@ -263,7 +263,7 @@ def _resource_of(step: Step) -> Address:
 
 
 def undo_run(journal: Journal, origin: RunOrigin, spared: frozenset[Address] = frozenset()) -> RunStarted:
-    """Return the run that takes the journal's steps back. It raises the serial: what was planned before it is stale.
+    """Return the run that undoes the journal's steps. It raises the serial: what was planned before it is stale.
 
     Args:
         spared: what is left as it was applied.

@@ -138,7 +138,7 @@ def ask(session: Session, question: str, other: str = "") -> str:
 
     Args:
         question: ends with a question mark, or with what the other answer does.
-        other: an answer beside `yes`; empty: none.
+        other: an answer apart from `yes`; empty: none.
 
     Returns:
         The answer.

@@ -30,7 +30,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "apply": "Do what a plan says, or plan, ask and do it.",
         "undo": "Undo the last apply.",
         "history": "Tell what was applied by whom and when, and what was undone.",
-        "prove": "Run all components in the applied layout, beside their thresholds.",
+        "prove": "Run the applied layout and compare it with the thresholds.",
         "stop": "Stop partitions until they are started again.",
         "start": "Start partitions that were stopped.",
         "destroy": "Remove what rarms made for this application.",

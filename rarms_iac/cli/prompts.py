@@ -101,7 +101,7 @@ class TerminalTuningPrompt(TuningProgress):
         self._answers: dict[Members, bool] = {}
 
     def allows(self, members: Members, settings: int, gain: int) -> bool:
-        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
+        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked again."""
         if self._asks and members not in self._answers:
             question = questions.combination_question(members, settings, gain)
             self._answers[members] = ask_yes_or_no(self._session, question)
@@ -150,7 +150,7 @@ def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
 
 
 def read_answer(session: Session, question: Question) -> str:
-    """Read a line at the terminal; `?` shows the help and asks anew, and the input's end is an empty line.
+    """Read a line at the terminal; `?` shows the help and asks again, and the input's end is an empty line.
 
     Raises:
         SessionEnded: The answer was `q`, or a signal.
@@ -172,7 +172,7 @@ def read_answer(session: Session, question: Question) -> str:
 
 
 def ask_yes_or_no(session: Session, question: Question) -> bool:
-    """Ask at the terminal; an empty answer, or the input's end, is no, and what is neither is asked anew.
+    """Ask at the terminal; an empty answer, or the input's end, is no, and what is neither is asked again.
 
     Raises:
         SessionEnded: The answer was `q`, or a signal.

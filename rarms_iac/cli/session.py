@@ -1,4 +1,4 @@
-"""The session that every command gets beside its requests, and the options that act on it alone."""
+"""The session that every command gets with its requests, and the options that act on it alone."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

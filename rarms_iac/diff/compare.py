@@ -71,7 +71,7 @@ def partition_changes(
         wanted: the desired partitions by name.
         managed: the machines that carry the application's mark.
         observed: the host, with all its machines.
-        rules: what the manifest says beside the desired partitions.
+        rules: what the manifest says apart from the desired partitions.
 
     Returns:
         Changes in the order of names; findings of moves, marks and machines in the way come before those of changes.
@@ -131,7 +131,7 @@ def _update(
     name, place = address.partition, rules.locate(address)
     disruption = disruption_of_update(before, after.settings, context)
     if disruption is Disruption.REMOVAL and name in rules.protected:
-        return _protected(name, "a change of its generation would remove it and make it anew", place)
+        return _protected(name, "a change of its generation would remove it and make it again", place)
     if not can_change_now(before, after.settings, context):
         return not_at_rest(address, before.state, place)
     unused = name in rules.unused
@@ -165,7 +165,7 @@ def _describe_difference(before: Partition, after: Partition, context: StepConte
     if not differing and before.mark and after.mark and before.mark.robot != after.mark.robot:
         return f"its mark does not name the robot {quoted(after.mark.robot)}"
     if not differing:
-        return "its mark is written anew: it does not say what was last written"
+        return "its mark is written again: it does not say what was last written"
     stop = "; it is stopped to change that" if stops(before, after.settings, context) and after.settings.running else ""
     if stop and (why := why_memory_needs_off(before, after.settings, context)):
         stop += f" (memory: {why})"

@@ -153,7 +153,7 @@ _Held = dict[int, HeldBack]
 def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Change, ...], tuple[HeldBack, ...]]:
     """Split the changes at the context's `max_disruption`.
 
-    With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
+    With a change that is held back goes what depends on it: a partition that would take its name, and growth that needs
     what it would have given back, the least critical first. A partition that stays on another host is not made here.
 
     Args:

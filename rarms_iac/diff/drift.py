@@ -1,6 +1,6 @@
 """Drift: was the host changed, or the manifest?
 
-Since the last apply the `set` of a mark tells. Since a plan was made a digest of every part that the plan rests on
+Since the last apply the `set` of a mark tells. Since a plan was made a digest of every part that the plan uses
 does; nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 """
 
@@ -270,7 +270,7 @@ def without_unfinished(
 
 
 def part_digests(state: State, application: str) -> Mapping[str, str]:
-    """Digest each part of the state that a plan rests on.
+    """Digest each part of the state that a plan uses.
 
     Args:
         application: the application that the plan belongs to; machines of others count only with what they claim.

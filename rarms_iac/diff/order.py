@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.disruption import grace_ms
-from rarms_iac.diff.setting_steps import STARTS_ANEW
+from rarms_iac.diff.setting_steps import STARTS_AGAIN
 from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of, within
 from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
@@ -142,7 +142,7 @@ class _Walk:
         at = min(running, key=lambda at: self.context.rank(self.queue[at][0].address.partition))
         partition = self.queue[at][0].address.partition
         others = [name for name in names if name != partition]
-        with_others = f" beside {', '.join(others)}" if others else ""
+        with_others = f" with {', '.join(others)}" if others else ""
         why = f"no order of the steps{with_others} keeps within the host, and it is the least critical of them"
         stop_and_start = stop_and_restart(
             self.queue[at], why, grace_ms(self.context.graces, partition), forces=self.context.forces
@@ -238,7 +238,7 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces:
         operation=stop_it,
         before={"exists": True, "running": True, "state": RunState.RUNNING.value},
         after={"exists": True, "running": False, "state": RunState.OFF.value},
-        undo=Undo(level=UndoLevel.PARTIAL, operation=start_it, message=STARTS_ANEW),
+        undo=Undo(level=UndoLevel.PARTIAL, operation=start_it, message=STARTS_AGAIN),
         disruption=Disruption.PARTITION_STOP,
         claim_before=first.claim_before,
         claim_after=NO_CLAIM,

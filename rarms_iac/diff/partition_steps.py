@@ -8,7 +8,7 @@ that was left half-way must not look as if it had everything that was written.
 Of the disks of a machine that is removed, rarms deletes those that it made, where that is asked for: everything else
 stays. A disk counts as rarms' own where it lies at the path that making the partition chooses
 (`model.operations.disk_path`; early versions had it one folder above), grows out of another one, is attached to the
-machine with our mark and to no other, and no checkpoint rests on it.
+machine with our mark and to no other, and no checkpoint needs it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -307,7 +307,7 @@ def _reason_to_keep(disk: Disk, machine: Partition, state: State, folders: tuple
     if machine.mark is None:
         return "its machine carries no mark of rarms"
     if machine.checkpoints:
-        return "checkpoints of its machine rest on it"
+        return "checkpoints of its machine need it"
     if disk.kind is DiskKind.UNKNOWN:
         return "what kind of disk it is could not be read"
     if disk.kind is not DiskKind.DIFFERENCING or not disk.parent:

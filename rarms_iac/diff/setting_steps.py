@@ -20,7 +20,7 @@ from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
-STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
+STARTS_AGAIN = "it starts again: what its programs had in memory is lost"
 _NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused: it is not so again")
 _WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it goes with the machine, which is removed")
 _EXISTS: Readings = {"exists": True}
@@ -41,7 +41,7 @@ class StepBuilder:
         """Make the step of an operation on the machine as it is now.
 
         Args:
-            operation: the call; on a new machine the removal of that machine takes it back.
+            operation: the call; on a new machine the removal of that machine undoes it.
             names: the readings that the step compares before and after.
             title: the call in a few words; empty: as the operation says it.
 
@@ -170,7 +170,7 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
         why,
         title=f"stop it ({describe_stop(builder.grace_ms, forces=builder.forces)})" if was_running else "turn it off",
     )
-    undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_ANEW) if was_running else _NOT_PAUSED_AGAIN
+    undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_AGAIN) if was_running else _NOT_PAUSED_AGAIN
     return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)
 
 

@@ -64,7 +64,7 @@ def no_place(_address: Address) -> Place | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManifestRules:
-    """The rules of the manifest beside the desired state."""
+    """The rules of the manifest apart from the desired state."""
 
     moved: Mapping[str, str] = field(default_factory=dict)  # old partition name -> new
     protected: frozenset[str] = frozenset()  # partitions that must not be removed

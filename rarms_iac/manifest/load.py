@@ -28,7 +28,7 @@ class Loaded:
 
     system: System | None
     places: Places
-    diagnostics: tuple[Diagnostic, ...]  # ordered; an error may stand beside a system
+    diagnostics: tuple[Diagnostic, ...]  # ordered; an error may come with a system
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
     folder: str  # what the manifest's paths are relative to
     digest: str  # of the texts, in the order in which they were read

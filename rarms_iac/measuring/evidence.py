@@ -87,7 +87,7 @@ def leaves_idle(evidence: SettingEvidence | None, shared: Fraction) -> bool:
 
 
 def is_weak(load: Interference, setting: Setting, host: Host) -> bool:
-    """Tell whether what was measured with a load rests on one that leaves to P1 what others would take.
+    """Return whether a load leaves time to P1 that other partitions would take.
 
     Returns:
         Whether it cannot take all that P2 reserves, or never sleeps by design and was seen to leave some of it idle.

@@ -94,7 +94,7 @@ class ExperimentResult:
 
     experiment: Internal[Experiment]
     conclusion: Internal[Conclusion]
-    settings: Internal[tuple[Setting, ...]]  # all that its end rests on
+    settings: Internal[tuple[Setting, ...]]  # all that decide its end
     new: int  # how many of them were run now
     planned: int | None  # what a plan reserves by the curve
     log: str  # path

@@ -481,7 +481,7 @@ def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -
 
 
 def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
-    """Return what the verdict on a single index rests on, or why there is nothing."""
+    """Return the data of the verdict on a single index, or why there is none."""
     match verdict:
         case Missed(overload=Overload()):
             return None, ""

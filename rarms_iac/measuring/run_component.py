@@ -115,7 +115,7 @@ class RunOutcome:
 _LOOK_EVERY_S = 0.25
 
 UNRESERVED = 0
-"""The reservation of a setting in which components run beside everything else on the machine, in per cent."""
+"""The reservation of a setting in which components run with everything else on the machine, in per cent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -376,7 +376,7 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
             places.key("components", name, "apt", index),
             '"{component}" misses its {index} on this machine although nothing takes processor time from '
             "it but what runs here anyway: no reservation would help it.",
-            "Relax the APT, mend or speed up the component, or run it on the machine that it is meant for.",
+            "Relax the APT, correct or speed up the component, or run it on the machine that it is meant for.",
             address=f"component/{name}",
             component=name,
             index=index,

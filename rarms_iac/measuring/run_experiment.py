@@ -369,7 +369,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         finding = OCCUPIED.of_host(
             host,
             "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of each of "
-            "its {processors} processors, and P2, that of the load, some memory beside it.",
+            "its {processors} processors, and P2, that of the load, some memory, too.",
             advice,
             highest_reserve_percent=available.highest_reserve,
             asked_reserve_percent=asked_reserve,
@@ -426,7 +426,7 @@ def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, .
 def measure_with_each_load(
     session: MeasuringSession, experiments: Sequence[Experiment], method: Method
 ) -> tuple[ExperimentResult, ...]:
-    """Find the least reservation that stands up to every load.
+    """Find the least reservation that meets the thresholds under every load.
 
     Args:
         experiments: The same components on the same host, one a load.
@@ -506,7 +506,7 @@ def idle_settings(result: ExperimentResult) -> list[Setting]:
 
 
 def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:
-    """Find the result that the answer rests on.
+    """Find the result that decides the answer.
 
     Args:
         results: Of the same components, in the order in which loads were measured; at least one.

@@ -60,7 +60,7 @@ class TuningStopped(Unanswered):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningSubject:
-    """Partitions whose reservations rest on measurements, on hosts of one platform, which tuning may combine."""
+    """Measured partitions, on hosts of one platform, which tuning may combine."""
 
     hosts: Hosts
     host: Host  # where compounds are measured
@@ -107,7 +107,7 @@ class TuningSubject:
     def experiments(
         self, members: Members, strategy: TuningStrategy = "default", samples: int | None = None
     ) -> tuple[Experiment, ...]:
-        """Return the experiments of these components together in P1, one a load that their reservation stands up to.
+        """Return the experiments of these components together in P1, one for each load of their reservation.
 
         Args:
             members: the components, by sorted names.
@@ -197,7 +197,7 @@ class LayoutFit:
 
 
 def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> TuningSubject:
-    """Return what there is to tune: partitions whose reservations rest on measurements, and what they may share.
+    """Return what there is to tune: partitions with measured reservations, and what they may share.
 
     Args:
         hosts: Of one platform.

@@ -35,7 +35,7 @@ class Capacity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedCapacity(Capacity):
-    """A capacity with what refuses a layout beside it: what a script can place, and the deadlines a kernel admits."""
+    """A capacity with what else refuses a layout: what a script can place, and the deadlines a kernel admits."""
 
     by_script: bool = False  # a script gives the promises, which places the largest reserve first
     deadline: int | None = None  # per cent of one logical processor, in all; None: no deadline counts

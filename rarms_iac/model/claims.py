@@ -17,7 +17,7 @@ class Claim:
     processors: int = 0  # one for each virtual processor; with `CoreSharing`, all of the cores that these take
     reserve: int = 0  # whole per cent of each
     memory: int = 0  # bytes
-    idle: int = 0  # of the logical processors, that stand idle beside a virtual processor of the partition
+    idle: int = 0  # of the logical processors, that stay idle next to a virtual processor of the partition
 
     @property
     def percent(self) -> int:
@@ -68,7 +68,7 @@ class CoreSharing:
             memory: bytes.
 
         Returns:
-            The claim, with the logical processors that stand idle beside it.
+            The claim, with the logical processors that stay idle next to it.
         """
         taken = -(-processors // self.used) * self.threads
         return Claim(processors=taken, reserve=reserve, memory=memory, idle=taken - processors)
@@ -84,7 +84,7 @@ class Load:
 
     percent: int = 0  # of one logical processor
     memory: int = 0  # bytes
-    idle_percent: int = 0  # of `percent`: beside virtual processors
+    idle_percent: int = 0  # of `percent`: idle next to virtual processors
 
     @property
     def processors(self) -> LogicalProcessors:
@@ -93,7 +93,7 @@ class Load:
 
     @property
     def idle_processors(self) -> LogicalProcessors:
-        """The logical processors that stand idle beside virtual ones."""
+        """The logical processors that stay idle next to virtual ones."""
         return LogicalProcessors(Fraction(self.idle_percent, WHOLE))
 
 

@@ -112,11 +112,11 @@ def processor_number(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """The host's time that a setting may take beside one load, of what all loads of a reservation share."""
+    """The host's time that a setting may take under one load, of what all loads of a reservation share."""
 
     most_ms: float = float(MeasuringLimits().setting)
     least_ms: float = 0.0  # however long the loads before it took
-    spent_ms: Mapping[ReservePercent, float] = field(default_factory=dict)  # beside these, by CR
+    spent_ms: Mapping[ReservePercent, float] = field(default_factory=dict)  # under these, by CR
 
     def at(self, reserve: ReservePercent) -> float:
         """Return what the loads before leave of it at a reservation, in ms."""

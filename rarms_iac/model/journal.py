@@ -11,7 +11,7 @@ from rarms_iac.model.version import __version__
 
 
 class RunKind(StrEnum):
-    """A run walks a plan's steps, or takes those of an earlier run back."""
+    """A run walks a plan's steps, or undoes those of an earlier run."""
 
     APPLY = "apply"
     UNDO = "undo"

@@ -164,4 +164,4 @@ LOADS_WITHOUT_ENTRY: Mapping[str, Interference] = _loads_without_entry()
 """What a manifest may name without describing it; an entry of the same name stands instead."""
 
 DEFAULT_LOADS = (BUSY_LOOP, "bursts-20", "bursts-100")
-"""The loads that a reservation must stand up to where the manifest names none."""
+"""The loads under which a reservation must hold if the manifest names none."""

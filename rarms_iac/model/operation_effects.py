@@ -1,4 +1,4 @@
-"""What operations make of a partition, which operation takes one back, and the titles of their steps.
+"""What operations make of a partition, which operation undoes one, and the titles of their steps.
 
 Begin at `applied`, for settings, and `reverse`, given what was there before.
 """
@@ -107,14 +107,14 @@ def partition_after(partition: Partition, operation: MachineOperation) -> Partit
 
 
 def reverse(operation: MachineOperation, before: Partition, *, grace_ms: int = ceil(GRACE)) -> Operation | None:
-    """Return the operation that takes this one back, given the machine that was there before.
+    """Return the operation that undoes this one, given the machine that was there before.
 
     Args:
         before: the machine before the operation.
-        grace_ms: how long its guest may take to shut down, where taking back means to stop it.
+        grace_ms: how long its guest may take to shut down, if the undo stops it.
 
     Returns:
-        None where nothing takes it back: a machine is not made again, and one that was stopped while it was paused is
+        None if nothing undoes it: a machine is not made again, and one that was stopped while it was paused is
         not so again.
     """
     settings, partition, machine = before.settings, operation.partition, operation.machine
@@ -136,7 +136,7 @@ def reverse(operation: MachineOperation, before: Partition, *, grace_ms: int = c
 
 
 def reverse_task(operation: TaskOperation, before: TaskClass | Responsiveness | None) -> TaskOperation:
-    """Return the operation that takes this one back, given the task class, or SystemResponsiveness, before it.
+    """Return the operation that undoes this one, given the task class, or SystemResponsiveness, before it.
 
     Args:
         before: as it was; None: nothing was there.
@@ -200,13 +200,13 @@ def change_title(operation: Operation, old: PartitionSettings, to: PartitionSett
 
 
 def reversal(step: Step, changes: Mapping[Address, Change]) -> Step:
-    """Return the step that takes one back, titled from what is found then to what was there before.
+    """Return the step that undoes one, titled from what is found then to what was there before.
 
     Args:
         step: of a plan; it has an undo with an operation.
         changes: those of its host, by address.
     """
-    assert step.undo.operation is not None, "a step without an undo is not taken back"
+    assert step.undo.operation is not None, "a step without an undo is not undone"
     operation, change = step.undo.operation, changes.get(step.address)
     if isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition):
         return step.reversed(change_title(operation, change.after.settings, change.before.settings))

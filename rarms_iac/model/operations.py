@@ -187,7 +187,7 @@ class Set:
 
     @property
     def reversed(self) -> "Set":
-        """The operation that takes this one back."""
+        """The operation that undoes this one."""
         return replace(self, before=self.after, after=self.before)
 
     def __str__(self) -> str:

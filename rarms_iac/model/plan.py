@@ -25,7 +25,7 @@ from rarms_iac.model.totals import HostTotals, Totals, host_totals
 class Scope:
     """Whose things names stand for: what carries the application's mark, and what this plan is making.
 
-    Given beside names where they are resolved, also when the run of another application is finished.
+    Given with names where they are resolved, also when the run of another application is finished.
     """
 
     application: str
@@ -37,7 +37,7 @@ class Scope:
 
 
 class UndoLevel(StrEnum):
-    """How much of a step can be taken back."""
+    """How much of a step can be undone."""
 
     FULL = "full"
     PARTIAL = "partial"
@@ -46,7 +46,7 @@ class UndoLevel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undo:
-    """How a step is taken back, and what stays different afterwards."""
+    """How a step is undone, and what stays different afterwards."""
 
     level: UndoLevel
     operation: Operation | None  # None where nothing can be done
@@ -70,8 +70,8 @@ class Step:
     place: Place | None = None  # the manifest line behind it
 
     def reversed(self, title: str) -> "Step":
-        """Return the step that takes this one back, which needs an undo; reversing that does this one again."""
-        assert self.undo.operation is not None, "a step without an undo is not taken back"
+        """Return the step that undoes this one, which needs an undo; reversing that does this one again."""
+        assert self.undo.operation is not None, "a step without an undo is not undone"
         return replace(
             self,
             title=title,

@@ -68,7 +68,7 @@ class SeenHost:
 
     @output
     def facts(self) -> HostFacts:
-        """Those that decisions rest on."""
+        """The facts that decisions use."""
         return self.state.facts
 
     @output

@@ -45,8 +45,8 @@ class Series:
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had
     wanders: bool = False  # real processes, all samples of a setting: the machine's speed changes for seconds
 
-    starts: tuple[int, ...] = ()  # numbers of the samples with which its load began anew: after the first start
-    runs: tuple[int, ...] = ()  # numbers of the samples with which the component itself began anew, in a further run
+    starts: tuple[int, ...] = ()  # numbers of the samples with which its load began again: after the first start
+    runs: tuple[int, ...] = ()  # numbers of the samples with which the component itself began again, in a further run
 
 
 MOST_SAMPLES = 40_000
@@ -111,7 +111,7 @@ class SampleColumns(Sequence[Sample]):
         """Work something out of these samples once, however often it is asked for.
 
         Args:
-            key: What is asked for, with all that the answer depends on beside the samples.
+            key: What is asked for, with all that the answer depends on apart from the samples.
             work_out: Gives the answer; called at the first time.
         """
         if key not in self.known:

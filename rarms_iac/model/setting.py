@@ -25,7 +25,7 @@ CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
 """How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
 
 GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 reserves all the rest"
-"""How P1 is held to CR on Linux, where weight beside a reserve has no meaning."""
+"""How P1 is held to CR on Linux, where weight with a reserve has no meaning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +152,7 @@ def join_settings(settings: Iterable[Setting], *, simulated: bool) -> tuple[Sett
     """Join all that was measured at each reservation to one setting: one series of each component, in several runs.
 
     Args:
-        settings: beside one load, in the order in which they were measured.
+        settings: under one load, in the order in which they were measured.
         simulated: whether the host draws its samples from a seed: of those of one seed the longest run has all others.
 
     Returns:

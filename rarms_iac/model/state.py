@@ -38,7 +38,7 @@ class ProcessorKind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostFacts:
-    """The facts of a host that decisions rest on."""
+    """The facts of a host that decisions use."""
 
     name: str  # as the manifest calls it
     id: str  # `model.host.host_identity`; of a simulated host one that is made with its state
@@ -156,7 +156,7 @@ class Mark:
 
 
 class Tie(StrEnum):
-    """What decides over a machine beside the host that it is on."""
+    """What decides over a machine apart from its host."""
 
     REPLICA = "replica"  # of a machine elsewhere, whose id and notes it has
     CLUSTER = "cluster"

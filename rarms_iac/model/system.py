@@ -448,7 +448,7 @@ class System:
     ] = field(default_factory=dict)
 
     def loads_of(self, members: Iterable[str]) -> tuple[str, ...]:
-        """List the loads that a reservation of these must stand up to: their own where they agree, else the policy's.
+        """List the loads under which a reservation of these must hold: their own where they agree, else the policy's.
 
         Args:
             members: names of components that run together.
@@ -474,7 +474,7 @@ def bound_together(components: Mapping[str, Component]) -> dict[str, str]:
     """Find which components `together` binds, however many steps apart.
 
     Args:
-        components: by name; what `together` names beside them is left out.
+        components: by name; what else `together` names is left out.
 
     Returns:
         For each component the name of one of those that it is bound to, the same for all of them; its own where there

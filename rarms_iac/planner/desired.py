@@ -55,7 +55,7 @@ class Desired:
 
 
 def desired_state(system: System, layout: Layout, seen: SeenHost, places: Places, limit: Disruption) -> Desired:
-    """Work out the state that one host is to have, and what the difference must know beside it.
+    """Work out the state that one host is to have, and what else the difference must know.
 
     A partition with our mark that is placed on no host is removed where it holds nothing that could be lost, or where
     the policy and the limit allow it. Otherwise it is kept, stopped, with its automatic start off: it is unused. A

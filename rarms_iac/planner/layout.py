@@ -328,7 +328,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             yield NOT_PROVEN.at(
                 places.key("partitions", partition.name),
                 "{partition} stays on {host}; on {other_host} it would reserve {_best} instead of {_reserved:lp}.",
-                "Allow `--max-disruption removal` if it may be made anew there.",
+                "Allow `--max-disruption removal` if it may be made again there.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 host=partition.host,

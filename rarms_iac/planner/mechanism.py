@@ -66,7 +66,7 @@ def shortest_apt_ms(group: Group) -> float | None:
 
 
 def quota_period_us(apt_ms: float | None, quota_percent: int) -> int:
-    """Return how often a quota is counted anew: ten times within a threshold, within what the kernel takes.
+    """Return the period of a quota: a tenth of the threshold, within the limits of the kernel.
 
     With the kernel's own 100 ms, a response time is a staircase: who used up the quota waits for the next period.
 

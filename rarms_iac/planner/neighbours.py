@@ -1,7 +1,7 @@
 """Thresholds that depend on what other partitions of a host do, and measurements that did not see it.
 
 A scheduler guarantees a share over its window, not when in the window it comes. A neighbour that pauses saves up what
-it reserves, and takes it at once; so an answer may come a window later than beside a load that never pauses
+it reserves, and takes it at once; so an answer may come a window later than under a load that never pauses
 (docs/measuring.md, "what a reservation does not promise"). Linux keeps no claim for a window.
 """
 
@@ -32,7 +32,7 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
         places: lines of the manifest.
 
     Yields:
-        A warning for a component that was measured beside steady loads alone, a note for one whose threshold depends on
+        A warning for a component that was measured under steady loads alone, a note for one whose threshold depends on
             its neighbours all the same.
     """
     groups = {group.name: group for group in problem.groups}
@@ -99,10 +99,10 @@ def _steady_loads_finding(
         )
     return planning_findings.MEASURED_STEADY.at(
         places.key("components", member.name, "apt", indexes[0]),
-        "{component} was measured beside loads that never pause. Beside partitions that pause, its jobs may "
+        "{component} was measured under loads that never pause. With partitions that pause, its jobs may "
         "answer {_late}; {_tails:all} allows less.",
         prose(
-            "Measure it beside bursts, too (`policy.interference`, docs/measuring.md), and see in the layout that is "
+            "Measure it under bursts, too (`policy.interference`, docs/measuring.md), and see in the layout that is "
             "applied whether it holds: ",
             command("prove"),
             ".",

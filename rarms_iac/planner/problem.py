@@ -222,7 +222,7 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
 
 
 def _traits(host: Host) -> Hashable:
-    """Return what of a host decides what a partition gets there, beside its data logs."""
+    """Return what of a host, apart from its data logs, decides what a partition gets there."""
     settings = None if isinstance(host.settings, SimulatedHost) else host.settings
     return host.logical_processors, host.provider, settings
 

@@ -85,7 +85,7 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
 
     Args:
         group: the partition's members, requests and policy; a member without a weight has the one of the policy.
-        host: on Linux no partition has a weight beside the reservation.
+        host: on Linux no partition has a weight apart from the reservation.
 
     Returns:
         The weight, 1 to 10000, and the reason in words.

@@ -153,8 +153,8 @@ NAMED_UP_TO = 32
 def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[str, int]:
     """Return the mask of each class that is kept to some, by its name in lower case.
 
-    From the least critical up, each level gets its own processors beside those of the levels below, the last ones
-    first. A level that finds no room beside them is not kept, and then none above it is.
+    From the least critical up, each level gets its own processors apart from those of the levels below, the last ones
+    first. A level that finds no room with them is not kept, and then none above it is.
 
     Args:
         users: of each class the components that name it, and each component that names none, in any order; all of

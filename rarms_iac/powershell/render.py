@@ -70,7 +70,7 @@ _TITLES = {
 class _GuardedPiece:
     """A step of a script: what it does, and the plan's steps that it stands for, at least one.
 
-    `undoes`: the number of the apply script's step that it takes back; `lost`: of the one that removes its machine.
+    `undoes`: the number of the apply script's step that it undoes; `lost`: of the one that removes its machine.
     """
 
     piece: ScriptPiece
@@ -117,7 +117,7 @@ def insides(host_plan: HostPlan) -> tuple[str, ...]:
 
 
 def render_scripts(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
-    """Return the scripts of a host by file name, each with the one that takes it back.
+    """Return the scripts of a host by file name, each with its undo script.
 
     A plan exists on a host with the root scheduler where that was accepted or no reserve is wanted: they run there.
 
@@ -233,7 +233,7 @@ def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
 
 
 def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, undo: bytes = b"") -> bytes:
-    """Return the script of these steps; `undo` is the one that takes them back, empty where it is that itself."""
+    """Return the script of these steps; `undo` is the one that undoes them, empty for an undo script."""
     host_plan, inside, kind = target.host_plan, target.inside, RunKind.APPLY if undo else RunKind.UNDO
     undo_digest = hashlib.sha256(undo).hexdigest() if undo else ""
     run = {
@@ -312,9 +312,9 @@ def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digest
             *map(_help, not_undone_lines(changed)),
             *map(_help, _foreign_lines(host_plan, planned) if kind is RunKind.UNDO else ()),
         ],
-        "usage": f"Shows what it would do; without -WhatIf it does it. Take it back with .\\{undo}, beside it."
+        "usage": f"Shows what it would do; without -WhatIf it does it. Undo it with .\\{undo}, next to it."
         if kind is RunKind.APPLY
-        else "Shows what it would do; without -WhatIf it takes back what was done, the last step first.",
+        else "Shows what it would do; without -WhatIf it undoes what was done, the last step first.",
         "notes": [
             _help(f"Manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}. {digests}"),
             *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in plan.accepted),
@@ -349,7 +349,7 @@ def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) 
         if owner[0] not in owners:
             reason = reasons.get(str(first.address)) or first.comment
             if kind is RunKind.UNDO:
-                reason = "takes back what the apply script did to it, the last step first"
+                reason = "undoes what the apply script did to it, the last step first"
         elif owner[1]:
             reason = pieces[0].piece.action  # starts come last, behind the steps of other partitions
         yield PlanBlock(

@@ -21,7 +21,7 @@ _VALUE = re.compile(
 """A literal behind its parameter, in calls as rarms writes them; not the names ahead of a call in a step of several."""
 
 _RESERVED = ("count", "item", "keys", "values")
-"""What a table has beside its entries."""
+"""What a table has apart from its entries."""
 
 LiteralText = Callable[[str, Literal, str], str]
 """What to write for a literal: of its name, the literal, and the variable by which a row is read at that place."""

@@ -27,7 +27,7 @@ _PARTITION, _TASK = "partition/", "/task/"
 
 NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
 NOT_UNDONE = "Not undone"
-"""Begins the lines of a head that say what cannot be taken back."""
+"""Begins the lines of a head that say what cannot be undone."""
 FOREIGN = "Not set by rarms"
 """Begins the lines of a head that list values of others, which the undo sets again."""
 

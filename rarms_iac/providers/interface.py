@@ -231,7 +231,7 @@ class RunEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptExited:
-    """The script ran to its end, with this exit code; `last_lines`: what it wrote beside its events."""
+    """The script ran to its end, with this exit code; `last_lines`: what it wrote apart from its events."""
 
     code: int
     last_lines: tuple[str, ...] = ()

@@ -100,7 +100,7 @@ def cpu_out_of_range(settings: PartitionSettings) -> str:
 
 
 def lack_of_memory(wanted: PartitionSettings, others: Iterable[PartitionSettings], memory: int) -> str:
-    """Describe the memory that a machine lacks beside others that have theirs, of so many bytes; empty: it has room."""
+    """Describe the memory that a machine lacks while others have theirs, of so many bytes; empty: it has room."""
     taken = sum(other.memory for other in others)
     if taken + wanted.memory <= memory:
         return ""
@@ -114,7 +114,7 @@ def lack_of_processors(wanted: PartitionSettings, available: int, *, fits: bool)
     if wanted.processors > available:
         return f"{wanted.name} has {wanted.processors} processors with a reserve, and the host has {available}"
     reserve = f"the reserve of {wanted.name}, {wanted.reserve} % of each of {wanted.processors} processors,"
-    return "" if fits else f"{reserve} does not fit {available} logical processors beside what runs"
+    return "" if fits else f"{reserve} does not fit {available} logical processors with what runs"
 
 
 def write_mark(notes: str, mark: Mark) -> str:

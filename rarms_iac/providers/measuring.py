@@ -98,7 +98,7 @@ class RunningWork(Protocol):
         """Begin to count `until` and `least_ms`: what was before has settled. May be called between two samples."""
 
     def restart_load(self) -> bool:
-        """Let the loads that never pause begin anew at a random moment, the components running on.
+        """Start the loads that never pause again at a random moment, the components running on.
 
         May be called between two samples. What begins so takes a while to settle.
 

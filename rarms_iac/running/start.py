@@ -52,7 +52,7 @@ CALLER = Path(__file__).resolve().with_name("caller.py")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessPlace:
-    """Where a component's processes are to be; empty: beside everything else on the machine.
+    """Where a component's processes are to be; empty: with everything else on the machine.
 
     `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
     the component begins (`cgroup.procs`), so that nothing of it ever runs outside. `environment` is for `rcss`, and

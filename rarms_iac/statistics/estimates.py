@@ -133,7 +133,7 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
 
 
 def _starts(series: Series) -> list[int]:
-    """Return the samples with which the load or the component began anew."""
+    """Return the samples with which the load or the component began again."""
     return sorted({*series.starts, *series.runs})
 
 
@@ -144,7 +144,7 @@ def _answered_starts(series: Series) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class _Moments:
-    """What a mean's bounds rest on."""
+    """The moments from which a mean's bounds follow."""
 
     mean: float
     second: float  # central moments
@@ -213,7 +213,7 @@ def mean_estimate(
 def _moments(
     numbers: Sequence[float], mean: float, effective: float, starts: Sequence[int], error: float
 ) -> tuple[_Moments, float]:
-    """Return what bounds rest on, and of how many samples.
+    """Return the moments for bounds, and of how many samples.
 
     Of batches, where high and low neighbours balance each other.
     """

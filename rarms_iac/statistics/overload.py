@@ -39,7 +39,7 @@ def find_overload(series: Series, run: Run, *, error: float) -> Overload | None:
         series: of one component at one setting, in the order in which its jobs ended.
         run: the component's, with its period.
         error: of a verdict, 0..1. Half of it is the probability with which a component that keeps up is said to fall
-            behind; the other half is for what its samples show beside that.
+            behind; the other half is for what else its samples show.
 
     Returns:
         None: it is not periodic, its host had not settled, or it was not shown to fall behind.

@@ -92,8 +92,8 @@ def effective_samples(values: Sequence[float], starts: Sequence[int] = (), error
 
     Args:
         values: in the order in which they were sampled, of any unit.
-        starts: the numbers of the values with which something began anew, ascending; the first start is at 0.
-        error: the probability, 0..1, of a bound that will rest on so many: few starts widen it as Student's t does.
+        starts: the numbers of the values with which something began again, ascending; the first start is at 0.
+        error: the probability, 0..1, of a bound from so many starts: few starts widen it as Student's t does.
 
     Returns:
         1 to n, not necessarily whole; n where all values are alike or there are fewer than three.

@@ -256,12 +256,12 @@ MEMORY_FACTOR: Final = 30
 """Samples count after this many windows of the scheduler, and are then taken for at least as long again."""
 
 STARTS: Final = 8
-"""So often at least a load that never pauses begins in a setting; `PERIODIC_STARTS` times beside periodic jobs."""
+"""So often at least a load that never pauses begins in a setting; `PERIODIC_STARTS` times with periodic jobs."""
 
 RESTART_WINDOWS: Final = 5
 """After a further start so many windows of the scheduler are left out, not the `MEMORY_FACTOR` of the first.
 
-What settles then is the load alone. With three a P1 of one processor beside a P2 of
+What settles then is the load alone. With three a P1 of one processor with a P2 of
 two got 24.8 % where it reserves 23.
 """
 
@@ -270,7 +270,7 @@ def least_starts(*, is_periodic: bool) -> int:
     """Say how often a load that never pauses begins before a setting is judged.
 
     Args:
-        is_periodic: whether a component beside it has a period, and so may lock into a phase of it.
+        is_periodic: whether a component measured with it has a period, and so may lock into a phase of it.
 
     Returns:
         Starts, the first among them.
@@ -281,14 +281,14 @@ def least_starts(*, is_periodic: bool) -> int:
 def least_setting_ms(
     samples_ms: float, load: Interference, window_ms: float, *, is_periodic: bool, begins_anew: bool
 ) -> float:
-    """Say how long a setting of a search takes at least beside a load.
+    """Say how long a setting of a search takes at least under a load.
 
     Args:
         samples_ms: the time in which the samples come that its thresholds need.
-        load: what runs beside it.
+        load: what runs with it.
         window_ms: the longest of the host's scheduler.
         is_periodic: as of `least_starts`.
-        begins_anew: whether the host lets a load that never pauses begin anew.
+        begins_anew: whether the host can start a load that never pauses again.
 
     Returns:
         Milliseconds by the host's clock.

@@ -195,7 +195,7 @@ def _samples_if_all_are_good(judged: JudgedIndex, series: Series) -> float | Non
 
 
 def _outlook(judged: JudgedIndex, series: Series) -> tuple[Estimate, float] | None:
-    """Return the estimate that will become clear, beside its threshold; of a percentile the share of jobs beyond it.
+    """Return the estimate that will become clear, with its threshold; of a percentile the share of jobs beyond it.
 
     None: an extreme, or bounds that are no bounds.
     """

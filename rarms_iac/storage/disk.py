@@ -161,7 +161,7 @@ def advice_on(error: OSError, otherwise: str) -> str:
         case NotRegular():
             return "Remove it, or put a regular file there."
         case PermissionError():
-            return "Run rarms as its owner, or mend its rights."
+            return "Run rarms as its owner, or correct its permissions."
         case _:
             return otherwise
 

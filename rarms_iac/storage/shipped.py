@@ -95,7 +95,7 @@ def known_codes() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FindingPage:
-    """What a finding means and how to mend it."""
+    """What a finding means and how to resolve it."""
 
     kind: Literal["explanation"] = "explanation"
     subject: str  # its code

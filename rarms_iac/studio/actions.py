@@ -143,7 +143,7 @@ class MeasureAction(Action):
 
 def _measuring(transcript: Transcript, stop: StopSignal, *, stops: bool, on_busy_host: bool) -> Control:
     if stops and on_busy_host:
-        raise RequestError("Partitions are either stopped, or measured beside: choose one of the two boxes.")
+        raise RequestError("Partitions are either stopped, or run during the measurement: choose one of the two boxes.")
     return Control(reporter=transcript, stop=stop, consents=always_consents if stops else never_consents)
 
 

@@ -1,4 +1,4 @@
-"""What the page shows: manifest, data logs, hosts and history, looked up anew when one of their files changed."""
+"""What the page shows: manifest, data logs, hosts and history, looked up again when one of their files changed."""
 
 import hashlib
 import os
@@ -117,7 +117,7 @@ class Watch:
         self._looks = 0
 
     def knowledge(self) -> Knowledge:
-        """Return what is known; it is looked up anew where a file changed."""
+        """Return what is known; it is looked up again if a file changed."""
         with self._lock:
             version = self._version()
             if self._known is None or self._known.version != version:
@@ -143,7 +143,7 @@ class Watch:
         return f"{files_version(self._source, folders)}{f'-{self._looks}' if is_looked_at else ''}"
 
     def forget(self) -> None:
-        """Have everything looked up anew: a host that is no file may have changed."""
+        """Let everything be looked up again: a host that is no file may have changed."""
         with self._lock:
             if self._known is not None:
                 self._known = replace(self._known, version="")

@@ -143,7 +143,7 @@ class ComponentOnPage:
 
 LABELS = {
     "stop_partitions": "Stop the application's partitions meanwhile",
-    "on_busy_host": "Measure beside what runs on the host",
+    "on_busy_host": "Measure with what runs on the host",
     "weak_load": "Accept loads that leave processors idle",
     "dry_run": "Leave the manifest as it is",
     "load_host": "Use all idle time of the hosts",

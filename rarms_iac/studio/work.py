@@ -127,7 +127,7 @@ class StepRows(RunReporter):
         self._transcript.rows.append((host, _of(number, total), str(step.address), step.title, status.value))
 
     def host_output(self, host: str, line: str) -> None:
-        """Keep what the host said beside its steps."""
+        """Keep what the host said apart from its steps."""
         self._transcript.message(f"{host}: {line}")
 
 

@@ -140,7 +140,7 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
 def _note(field: str, settings: PartitionSettings, facts: HostFacts) -> str:
     """Return the shares of the partition's processors and of the host that a reserve or limit is."""
     if field == "quota_period_us":
-        return "how often the limit is counted anew"
+        return "the period of the limit"
     if field == "reserve" or (field == "limit" and settings.limit < NO_LIMIT):
         percent = getattr(settings, field)
         amount = guaranteed(percent, settings.processors)

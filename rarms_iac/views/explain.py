@@ -90,7 +90,7 @@ def _mmcss(facts: GuideFacts) -> Iterator[str]:
     key = r"HKLM\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks"
     yield (
         f"1. Add a subkey `{facts.task}` below `{key}`. "
-        "Add only this one: never make the `Tasks` key anew, which would erase every multimedia task."
+        "Add only this one: never create the `Tasks` key again, which would erase every multimedia task."
     )
     yield "2. Give it these values, each of just this type:"
     yield from (f"   - `{value}`" for value in facts.task_values)

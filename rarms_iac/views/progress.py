@@ -251,7 +251,7 @@ class FailureReporter(SampleReporter):
         self._screen = screen
 
     def place_chosen(self, message: str) -> None:
-        """Say it beside the samples."""
+        """Say it with the samples."""
         self._screen.tell(message)
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:

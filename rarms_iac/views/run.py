@@ -146,7 +146,7 @@ class RunProgress(RunReporter):
         total: int,  # noqa: ARG002 - likewise
         step: ReportedStep,
     ) -> None:
-        """Show the step beside its partition."""
+        """Show the step with its partition."""
         partition = self._partition(str(step.address))
         partition.since = self._clock()
         if self._live is not None:
@@ -230,7 +230,7 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
 def _reported_host(report: HostReport, *, partial: bool) -> str:
     begun = f"{_run_name(report)} {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
-        return f"{begun}: nothing of it can be taken back." if partial else f"{begun}: it had changed nothing."
+        return f"{begun}: nothing of it can be undone." if partial else f"{begun}: it had changed nothing."
     steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} had nothing to do"
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
@@ -298,6 +298,6 @@ def _advice_to_resume(command: str) -> Wording:
         return " If it was changing a host, run the same command again to finish that."
     if command in {"apply", "destroy", "import", "release", "start", "stop"}:
         return prose(
-            " If it was changing a host, run the same command again to finish that, or ", UNDO, " to take it back."
+            " If it was changing a host, run the same command again to finish that, or ", UNDO, " to reverse it."
         )
     return ""

@@ -50,7 +50,7 @@ def status_text(overview: Overview) -> "RenderableType":
         parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))
     if overview.unused_logs:
         logs = counted(overview.unused_logs, "data log")
-        parts.append(paragraph(f"{logs} of loads that no reservation rests on, stale.", start="Unused: "))
+        parts.append(paragraph(f"{logs} of loads that no reservation uses, stale.", start="Unused: "))
     if overview.unknown:
         parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be looked at.", start="Unknown: "))
     if at_work := describe_holders(overview.hosts):
@@ -69,7 +69,7 @@ def describe_holders(hosts: Sequence[HostOverview]) -> str:
 
 def _work_of_holder(host: HostOverview) -> str:
     if host.last_run is not None and host.last_run.closing is None:
-        return "applies a plan" if host.last_run.run is RunKind.APPLY else "takes an apply back"
+        return "applies a plan" if host.last_run.run is RunKind.APPLY else "undoes an apply"
     if host.is_at_measurement:
         return "measures"
     return "is at work"
@@ -208,7 +208,7 @@ def describe_run(run: PastRun) -> str:
 
 
 def history_text(history: History) -> "RenderableType":
-    """Show the runs on each host, the last one first; what was taken back is said at the apply."""
+    """Show the runs on each host, the last one first; an apply that was undone says so."""
     parts: list[RenderableType] = []
     for host, runs in history.hosts.items():
         marked = history.unrecorded.get(host)

@@ -108,7 +108,7 @@ class Terminal:
         self._write(self._render(content, wrapped=self.wrapped, colour=self.colour), is_coloured=self.colour)
 
     def talk(self, content: "RenderableType | Wording") -> None:
-        """Write what is said beside it, with a line end; text in its lines, anything else laid out by rich."""
+        """Write what is said above it, with a line end; text in its lines, anything else laid out by rich."""
         self.out = flush_stream(self.out)
         if isinstance(content, str | Prose):
             text = visible(plain_text(content, self.manifest_options)) + "\n"

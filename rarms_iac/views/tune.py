@@ -119,7 +119,7 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 
 
 def describe_proof(run: TuningRun) -> Sequence[str]:
-    """Say whether another layout may be better, and what that rests on."""
+    """Say whether another layout may be better, and why."""
     proved = (
         [f"No other layout of these components is better by `policy.minimise`, assuming that {ASSUMED}."]
         if run.proved

@@ -1,4 +1,4 @@
-// Writes onto the page what the server says anew, and only that: what is open, typed, moved or pointed at stays.
+// Writes onto the page only the server's news: what is open, typed, moved or pointed at stays.
 
 const keyOf = (node) => node.dataset?.key ?? node.nodeName;
 

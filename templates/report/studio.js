@@ -152,7 +152,7 @@ const resize = (parent, count, name) => {
   while (parent.childElementCount < count) parent.append(document.createElement(name));
 };
 
-// Rows that stay are not made anew: they may be read, selected and scrolled meanwhile.
+// Rows that stay are not made again: they may be read, selected and scrolled meanwhile.
 const showRows = (rows) => {
   const body = element("work-rows");
   resize(body, rows.length, "tr");

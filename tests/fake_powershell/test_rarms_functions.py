@@ -151,7 +151,7 @@ def test_interrupted_undo_goes_on(prepared: Prepared) -> None:
 
 
 def test_undo_is_previewed_or_nothing_to_undo(prepared: Prepared, host: WindowsHost) -> None:
-    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
+    assert "there is nothing to undo" in at_prompt(host, "Undo-RarmsRun").says
     assert apply(host, prepared.plan).code == 0
     before = seen(host)
 
@@ -160,7 +160,7 @@ def test_undo_is_previewed_or_nothing_to_undo(prepared: Prepared, host: WindowsH
     assert (ran.code, seen(host)) == (0, before), ran.says
     assert {event["status"] for event in ran.events} == {"previewed"}
     assert at_prompt(host, "Undo-RarmsRun -AsJson").code == 0
-    assert "there is nothing to take back" in at_prompt(host, "Undo-RarmsRun").says
+    assert "there is nothing to undo" in at_prompt(host, "Undo-RarmsRun").says
 
 
 def test_unfinished_run_is_among_them_without_closing(prepared: Prepared) -> None:

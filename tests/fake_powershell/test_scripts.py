@@ -739,7 +739,7 @@ def test_later_machine_without_smt_takes_whole_cores() -> None:
     ran = apply(host, plan)
 
     assert ran.code == 1, ran.says
-    assert "each of its processors has to fit onto one core beside the others: needs 1.2 LP" in ran.says
+    assert "each of its processors has to fit onto one core with the others: needs 1.2 LP" in ran.says
 
 
 @pytest.mark.parametrize(("scheduler", "code"), [(2, 0), (3, 1)])

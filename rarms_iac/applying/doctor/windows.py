@@ -114,7 +114,7 @@ def check_counters(host: SeenHost) -> Iterator[Diagnostic]:
             host.name,
             "{host}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
             "whether a partition got its reserve.",
-            "Have Windows register them anew, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
+            "Register them again, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
         )
 
 
@@ -145,7 +145,7 @@ def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
         return
     yield RESPONSIVENESS_VALUE.of_host(
         host.name,
-        "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` rest on it.",
+        "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` depend on it.",
         "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
         value=str(value.data),
         type=value.kind.value,

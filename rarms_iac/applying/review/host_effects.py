@@ -45,7 +45,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
         yield SMT_COSTS.of_host(
             desired.host,
             "The core scheduler of {host} runs one machine on a core at a time. What is reserved for "
-            "{_names} keeps so much idle beside it, because the number of virtual processors is odd, or the "
+            "{_names} keeps so much idle next to it, because the number of virtual processors is odd, or the "
             "machine has no SMT itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
             partitions=tuple(costs),

@@ -1,4 +1,4 @@
-"""`rarms apply` does what a plan says, and `rarms undo` takes it back."""
+"""`rarms apply` does what a plan says, and `rarms undo` reverses it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -63,7 +63,7 @@ def apply_command(
 
     A run that was interrupted is finished first. PLAN is refused where it was edited
     or used, or where a host has changed since it was made. Ctrl-C stops after the running step. With --prove, exit
-    code 4 says that a threshold is missed in the layout; `rarms undo` takes it back.
+    code 4 says that a threshold is missed in the layout; `rarms undo` reverses it.
     """
     session.answer_follows = options.proving
     if options.proving:

@@ -47,10 +47,10 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
 def prove_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, request: ProveRequest
 ) -> ExitCode:
-    """Run all components together in the layout that is applied, and show every index beside its threshold.
+    """Run all components together in the layout that is applied, and show every index with its threshold.
 
-    They run beside the loads of the policy, one after the other, which use all idle time of the hosts: without a
-    terminal that needs --load-host. They begin anew at least eight times, until each threshold was shown to be met or
+    They run under the loads of the policy, one after the other, which use all idle time of the hosts: without a
+    terminal that needs --load-host. They begin again at least eight times, until each threshold was shown to be met or
     missed, for `policy.measuring.proof` at most; sooner where that time will hardly be enough. What they show is
     written into the configuration logs. Exit code 4 where a threshold is missed or not shown to be met yet; 3 where the
     manifest asks for something that is not applied.
@@ -89,7 +89,7 @@ def run_command(
     Where the manifest has this machine as a Linux host, and a component's partition is applied and runs, the component
     starts in it and in its task class; otherwise it has no reservation, and that is said. So one sees whether a
     component's `run` is right, before anything is measured. Failed samples are shown
-    with their reason; at the end stands what the samples come to beside the APT. Exit code 4 where a component has
+    with their reason; at the end stands what the samples come to, with the APT. Exit code 4 where a component has
     more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
     that says how it is run.
 

@@ -55,7 +55,7 @@ def measure_command(
 ) -> ExitCode:
     """Find the least reservation at which each COMPONENT meets its thresholds; without COMPONENT: of all of them.
 
-    It runs in a test partition beside an interfering load, setting by setting; each is recorded below measurements/
+    It runs in a test partition under an interfering load, setting by setting; each is recorded below measurements/
     when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
 
     Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.

@@ -106,7 +106,7 @@ class ShowOptions:
     guest: str = option(
         "--guest", metavar="PARTITION", help="With --script: the one for this partition's guest.", default=""
     )
-    undo: bool = flag("--undo", help="With --script: the one that takes it back.")
+    undo: bool = flag("--undo", help="With --script: the undo script.")
     out: str | None = option(
         "--out",
         metavar="FOLDER",

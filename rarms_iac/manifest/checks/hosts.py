@@ -74,7 +74,7 @@ def _withheld(host: Host, field: str, amount: str, available: str) -> Violation:
     return violation(
         ("hosts", host.name, "keep_for_host", field),
         '"{host}" has {has} and keeps {keeps}: nothing is left for partitions.',
-        "Keep less for the host, or mend what it has.",
+        "Keep less for the host, or correct the host's size.",
         keeps=amount,
         has=available,
     )

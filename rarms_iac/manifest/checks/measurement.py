@@ -67,8 +67,8 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 measure = command("measure", component.name, interference=BUSY_LOOP)
                 yield violation(
                     own if component.interference else ("policy", "interference"),
-                    "{loads:all} cannot take all that is reserved beside {component} on the "
-                    "{host_lp} LP of {host}. What is measured there need not hold beside others.",
+                    "{loads:all} cannot take all that is reserved apart from {component} on the "
+                    "{host_lp} LP of {host}. Values measured there may not hold with other partitions.",
                     advice_on_weak_loads(system, host, [component.name], loads, measure),
                     address=f"component/{component.name}",
                     component=component.name,

@@ -42,7 +42,7 @@ FIRST = 45
 """The first setting: high enough to see what time no CPU shortens, and near the middle, should nothing be learnt."""
 
 PRECISION = 0.015
-"""How well the first setting's mean must be known, as a part of it: the second rests on it alone."""
+"""How well the first setting's mean must be known, as a part of it: the second depends on it alone."""
 
 _TRUNCATION = 0.0003  # points towards the middle, for each squared point of the bracket
 

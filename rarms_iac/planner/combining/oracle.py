@@ -146,7 +146,7 @@ class PerformanceOracle(Protocol):
             members: as of `worse`, which was asked before.
 
         Returns:
-            True where none of those that are worse was shown to miss an APT: no proof may rest on it.
+            True where none of those that are worse was shown to miss an APT: no proof may use it.
         """
 
 

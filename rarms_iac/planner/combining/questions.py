@@ -185,7 +185,7 @@ def _doubts(
 ) -> tuple[Doubt, ...]:
     """Return the compounds by which another layout may be better, or fit at all, if unresolved settings are enough.
 
-    A proof rests on lower ends that were shown: each other compound is taken at what it needs by settings that were
+    A proof needs lower ends that were shown: each other compound is taken at what it needs by settings that were
     shown to miss, and what the best layout's own compounds need is as it was measured.
     """
     shown = informed(tuning.candidates, [answer for answer in answers if not answer.unresolved])

@@ -212,7 +212,7 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
     return (
         f" The core scheduler of {host.name} runs one machine on a core at a time: of its "
         f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(idle)} "
-        "would stand idle beside machines with an odd number of virtual processors or without SMT of their own. Even "
+        "would stay idle next to machines with an odd number of virtual processors or without SMT of their own. Even "
         "numbers of `processors`, and HwThreadCountPerCore 0, avoid that."
     )
 

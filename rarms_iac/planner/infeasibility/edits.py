@@ -61,7 +61,7 @@ class RelaxationRange:
     partitions: tuple[str, ...] = ()  # whose reservation it changes; none: it changes a host
     amounts: Sequence[int]  # the first changes most: if everything fits with one, it fits with each before it
     edits_at: Callable[[int], Edits]
-    to_be_measured: bool = False  # that it fits rests on what partitions will probably need
+    to_be_measured: bool = False  # that it fits depends on what partitions will probably need
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,7 +99,7 @@ def is_lowest_measured(group: Group, problem: Problem) -> bool:
 
 
 def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
-    """Return what a partition's reserve rests on, and the CR that its APTs need.
+    """Return the source of a partition's reserve, and the CR that its APTs need.
 
     None means that it is fixed or not known.
     """

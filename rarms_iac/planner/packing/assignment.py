@@ -3,7 +3,7 @@
 A host bounds what its partitions reserve, their memory, and what its cores can take (`THRESHOLDS`). Whether each
 virtual processor finds a logical one is more than these rows say: where a set satisfies all of them and still finds no
 places, it is forbidden when it comes up (`forbid`). Where first fit finds no packing, a few hosts at a time are packed
-anew by such a program until no partition is left over (`find_by_repacking`).
+again by such a program until no partition is left over (`find_by_repacking`).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -191,7 +191,7 @@ def _at_most_in_sum(sizes: Mapping[int, int], room: int) -> Iterator[Row]:
 
 
 HOSTS = (2, 3, 4, 5)
-"""Hosts that are packed anew together."""
+"""Hosts that are packed again together."""
 
 NODES = 20
 """Nodes of the search in one round: with more, or more hosts, fewer rounds are needed and each takes far longer."""

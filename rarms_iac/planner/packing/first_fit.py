@@ -1,6 +1,6 @@
 """A start for the solver, and often the end: the best of a few first fits.
 
-Partitions are placed one after another, each on the first host that has room, and none is placed anew. The order of the
+Partitions are placed one after another, each on the first host that has room, and none is moved later. The order of the
 partitions and the order in which a partition tries its hosts make the difference; a few dozen ways are tried. Bounds by
 sums alone tell when none can be better.
 """

@@ -92,10 +92,10 @@ MOST_NODES_FOR_ANY = 200
 """Nodes of that search, however few variables there are."""
 
 REPACKING_NODES, REPACKING_NODES_A_PARTITION = 40, 1
-"""Nodes of packing a few hosts anew: before that search, since it is often enough, and for each partition after it."""
+"""Nodes of packing a few hosts again: before that search, since it is often enough, and for each partition after it."""
 
 ROUNDS = 40
-"""Times that a stage is solved anew because virtual processors found no logical ones."""
+"""Times that a stage is solved again because virtual processors found no logical ones."""
 
 ROUNDS_FOR_ANY = 15
 """The same for the search for any packing, good or not."""

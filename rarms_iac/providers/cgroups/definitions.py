@@ -63,7 +63,7 @@ def out_of_range(settings: PartitionSettings) -> str:
 
 
 def lack_of_room(wanted: PartitionSettings, machine: str, state: State) -> str:
-    """Describe why the partition of this id has no room beside those that run; empty: it has."""
+    """Describe why the partition of this id has no room with those that run; empty: it has."""
     facts, others = state.facts, others_running(machine, state)
     taken = sum(other.reserve * other.processors for other in others)
     fits = taken + wanted.reserve * wanted.processors <= 100 * facts.logical_processors

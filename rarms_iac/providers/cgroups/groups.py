@@ -1,6 +1,6 @@
 """Control groups as the kernel shows them: what both versions have in common.
 
-Every group of rarms lies below one slice, which weighs more than everything beside it. All paths are parameters: a
+Every group of rarms lies below one slice, which weighs more than everything outside. All paths are parameters: a
 test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on. Every call that
 reads raises `UnreadableFile` if a file has no number where the kernel writes one.
 """
@@ -150,7 +150,7 @@ class GroupTree(ABC):
         """
 
     def limit_slice(self, percent: int | None) -> None:
-        """Let all groups together have no more than this, where the slice is there: the rest is for what is beside it.
+        """Let all groups together have no more than this, where the slice is there: the rest is for what is outside.
 
         A group whose own quota is larger gets the smaller one first: version 1 refuses the slice's otherwise.
 

@@ -39,7 +39,7 @@ from rarms_iac.running.work_places import WorkPlaces
 
 MEMORY_MS = 100.0
 """How long the past influences the kernel's scheduling: its longest quota period. Its load averages, by which a group's
-share is spread over the processors, halve every 32 ms. Measured on two LPs: two busy loops that start beside two others
+share is spread over the processors, halve every 32 ms. Measured on two LPs: two busy loops started next to two others
 have their share within two points in each window that begins 50 ms or more after their start."""
 
 OWN_PRIORITY = 1
@@ -53,7 +53,7 @@ INTERFERENCE = "interference"
 """What messages call the load."""
 
 PAUSE_S = (0.005, 0.03)
-"""The least and the greatest pause with which a load begins anew: eight of them are no 5 % of a setting, which would
+"""The least and the greatest pause before a load begins again: eight of them are no 5 % of a setting, which would
 count as disturbed (`measuring/evidence.py`)."""
 _PAUSES = Random()  # noqa: S311 - no secret
 
@@ -193,7 +193,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostRefused(
                 self.name,
                 message,
-                prose("cpuset.cpus of its group was changed by hand: ", PLAN, " shows it, ", APPLY, " takes it back."),
+                prose("cpuset.cpus of its group was changed by hand: ", PLAN, " shows it, ", APPLY, " restores it."),
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
@@ -274,7 +274,7 @@ def class_environment(part: PartitionWork) -> dict[str, str]:
     """Return the environment variable from which `rcss` reads a partition's task classes.
 
     Returns:
-        Empty without task classes, and where components have deadlines: the kernel allows no priority beside these.
+        Empty without task classes, and where components have deadlines: the kernel allows no priority with these.
     """
     if not part.classes or part.deadline_period_us is not None:
         return {}

@@ -216,7 +216,7 @@ class LinuxHostProvider(JournaledHost):
         return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """Change a group, its definition first: after a kill `_recover` takes back what that says."""
+        """Change a group, its definition first: after a kill `_recover` undoes what that says."""
         state, known = self._seen()
         with self.kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
             self._do(operation, scope, state, known)
@@ -280,7 +280,7 @@ class LinuxHostProvider(JournaledHost):
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
         """Change the settings of a running partition: the kernel first, then the definition.
 
-        The kernel's values may differ from `before`, where they were changed by hand and the plan takes that back.
+        The kernel's values may differ from `before`, where they were changed by hand and the plan undoes that.
         """
         self._definitions.save(replace(before, changing=True))
         try:
@@ -316,7 +316,7 @@ class LinuxHostProvider(JournaledHost):
         self._definitions.save(replace(definition, group="", boot=""))
 
     def _recover(self) -> None:
-        """Take back what a killed run left half done; the definitions have what was there before."""
+        """Undo what a killed run left half done; the definitions have what was there before."""
         self._refuse_files_of_others()
         with self.kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))

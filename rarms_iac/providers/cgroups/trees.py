@@ -276,7 +276,7 @@ class GroupTreeSystemd(GroupTreeV2):
         if self._effects.has_file(UNITS / unit):
             self._systemctl("disable", "--no-reload", "--quiet", unit)
             self._effects.delete(UNITS / unit)
-        self._systemctl("revert", unit)  # this reads all units anew
+        self._systemctl("revert", unit)  # this reads all units again
 
     def _set(self, unit: str, *properties: str) -> None:
         self._systemctl("set-property", unit, *properties)

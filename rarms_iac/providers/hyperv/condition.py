@@ -1,4 +1,4 @@
-"""The condition of a host, which an observation shows beside the State, and findings about it. Pure."""
+"""The condition of a host, which an observation shows with the State, and findings about it. Pure."""
 
 from collections.abc import Iterator
 
@@ -62,7 +62,7 @@ _LOOKED_AT = {
     "the multimedia task classes": "tasks",
     "the execution policy": "execution_policy",
 }
-"""Probes that a check or a plan rests on; whose absence is told elsewhere (rights, module, scheduler), or is normal
+"""Probes that a check or a plan uses; whose absence is told elsewhere (rights, module, scheduler), or is normal
 (journal, records), is not here."""
 
 
@@ -84,7 +84,7 @@ _OF_HOST = {"its machines": "machines", r"%ProgramData%\rarms\journal.jsonl": "j
 
 
 def unread_error(observation: HostObservation, host: str, *, guest: bool = False) -> HostFailed | None:
-    """Make the error of an observation in which something was not read that a plan rests on: that is not empty.
+    """Make the error of an observation in which something was not read that a plan uses: that is not empty.
 
     Args:
         observation: of a host, or of the Windows inside a guest.

@@ -135,7 +135,7 @@ class HypervMeasuringHost(LiveHypervHost):
         try:
             size = sum((self._base / run.folder / name).stat().st_size for name in run.files)
         except OSError as problem:
-            return Obstacle(f"a file of its `run` cannot be read: {reason_of(problem)}", "Mend `run.files`.")
+            return Obstacle(f"a file of its `run` cannot be read: {reason_of(problem)}", "Correct `run.files`.")
         if size <= LARGEST_FILES:
             return None
         return Obstacle(
@@ -217,7 +217,7 @@ class HypervMeasuringHost(LiveHypervHost):
                     raise self._broken(f"the script was lost: {lost.why}")
         event = read_event(line)
         if event is not None and event.status is EventStatus.REFUSED:
-            raise HostRefused(self.name, event.reason, "Mend that, then measure again: what is recorded is kept.")
+            raise HostRefused(self.name, event.reason, "Correct that, then measure again: recorded settings are kept.")
         if event is not None and event.kind is EventKind.FAILED:
             raise self._broken(event.reason)
         return line

@@ -146,7 +146,7 @@ def _left_of_nodes(observation: HostObservation) -> tuple[int, ...]:
 
 
 def facts_of(observation: HostObservation, name: str) -> HostFacts:
-    """Return the facts of the host that decisions rest on."""
+    """Return the facts of the host that decisions use."""
     sockets = or_else(observation.processors, ())
     hypervisor, windows = or_else(observation.hypervisor, None), or_else(observation.windows, None)
     return HostFacts(
@@ -338,7 +338,7 @@ def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
     One that belongs to neither Administrators nor SYSTEM was planted: it must not tell an administrator what to do.
     """
     if owner not in TRUSTED:
-        advice = "Find out who put it there, then remove it. A script refuses to run beside it."
+        advice = "Find out who put it there, then remove it. A script refuses to run while it is there."
         return UnusableJournal(problem=f"belongs to {owner}, not to Administrators or SYSTEM", advice=advice)
     try:
         started, steps, closed = split_run(records_in(text.encode("utf-8", "surrogatepass"), Path(JOURNAL)))

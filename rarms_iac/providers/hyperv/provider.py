@@ -52,7 +52,7 @@ LONGEST_LINE = 100_000
 
 
 class LiveHypervHost:
-    """A `ScriptedHost`. Every question is asked of the host anew, unless it is told to `look_once`."""
+    """A `ScriptedHost`. Each question is asked of the host again, except after `look_once`."""
 
     def __init__(self, host: Host, transport: Transport, signed_folder: Path | None = None) -> None:
         self._host = host
@@ -129,7 +129,7 @@ class LiveHypervHost:
             return text
         except OSError as error:
             raise HostFailed(
-                self.name, f"{self._signed_folder / name} cannot be read: {reason_of(error)}", "Mend or remove it."
+                self.name, f"{self._signed_folder / name} cannot be read: {reason_of(error)}", "Repair or remove it."
             ) from None
         return copy if without_signature(copy) == text else text
 

@@ -330,7 +330,7 @@ def _partitions(content: Content, host: Host, facts: HostFacts) -> tuple[Partiti
 
 
 def facts_of(content: Content, host: Host) -> HostFacts:
-    """Return the facts of the host that decisions rest on, as the manifest describes it now."""
+    """Return the facts of the host that decisions use, as the manifest describes it now."""
     described = host.simulated
     return HostFacts(
         name=host.name,

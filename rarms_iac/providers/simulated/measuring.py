@@ -81,10 +81,10 @@ Simulate = Callable[[ModelMachine, int], Iterator[JobDone]]
 
 @runtime_checkable
 class ObservableJobs(Protocol):
-    """Jobs of a machine that can be looked into, and whose loads can begin anew, while it runs."""
+    """Jobs of a machine that can be looked into, and whose loads can begin again, while it runs."""
 
     def restart_loads(self) -> bool:
-        """Let every load that never pauses begin anew; False: there is none."""
+        """Start every load that never pauses again; False: there is none."""
 
     def used_processors(self, machine: str) -> int:
         """Return the most threads of the machine's components that ran, or waited for a processor, at once."""

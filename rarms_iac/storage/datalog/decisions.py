@@ -44,7 +44,7 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProvenIndex:
-    """One index beside its threshold."""
+    """One index with its threshold."""
 
     index: str
     threshold: Threshold
@@ -70,7 +70,7 @@ class Proven:
     reserve: int
     beside: tuple[str, ...]  # the components that ran meanwhile, by name
     indexes: Internal[tuple[ProvenIndex, ...]]
-    interference: str | None = None  # the load beside all of them; None: there was none
+    interference: str | None = None  # the load on all of them; None: there was none
     robot: str = ""  # of `Application`
     machine: str = ""  # the host's own identity (`HostFacts.id`): robots share names; empty: not known
     # Of the application's runs on the host before it, undos among them: clocks jump back, a count of runs does not.

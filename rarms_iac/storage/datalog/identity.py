@@ -242,7 +242,7 @@ class Changed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """A log beside what is now."""
+    """A log compared with what is now."""
 
     changed: tuple[Changed, ...]  # it is stale, if there are any
     warns: tuple[Changed, ...]  # could matter: the build of the operating system, an interpreter

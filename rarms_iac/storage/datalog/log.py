@@ -98,7 +98,7 @@ def _rounded(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remeasurement:
-    """Measuring all that was asked for once more, beside what is recorded: who is killed in it goes on with it."""
+    """Measuring all that was asked for once more, apart from what is recorded: who is killed in it goes on with it."""
 
     seed: int  # of its settings, and of no others before it
     asked: str  # what was asked for, so that the same command is known again
@@ -155,7 +155,7 @@ class DataLog:
 
     @property
     def counting(self) -> tuple[Recorded, ...]:
-        """The settings that reservations rest on, each run by itself.
+        """The settings that reservations use, each run by itself.
 
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
         the host to itself, and to every later pass that was measured so to its end.

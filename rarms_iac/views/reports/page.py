@@ -73,7 +73,7 @@ class Card:
     id: str
     measurement: Measurement
     plots: tuple[Plot, ...]
-    is_compared: bool  # the card before it is of the same components, beside the load that decides
+    is_compared: bool  # the card before it is of the same components, under the load that decides
 
     @property
     def name(self) -> str:
@@ -81,12 +81,12 @@ class Card:
 
     @property
     def status(self) -> str:
-        """What goes behind where it was measured: why no reservation rests on it."""
+        """What goes behind where it was measured: why no reservation uses it."""
         if self.measurement.stale:
-            return "; stale, nothing rests on it"
+            return "; stale, not used"
         if self.measurement.fixed:
             return "; the manifest fixes the reserve"
-        return "" if self.measurement.decides else "; to compare, no reservation rests on it"
+        return "" if self.measurement.decides else "; to compare, no reservation uses it"
 
 
 def cards_of(report: Report) -> tuple[Card, ...]:

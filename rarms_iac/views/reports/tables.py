@@ -60,7 +60,7 @@ LEVELS = (
 
 
 def levels_table(report: Report) -> Table:
-    """Return a row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
+    """Return a row for each threshold that decides a reservation, most critical first; then fixed and unmeasured."""
     return Table(LEVELS, tuple(row for _, row in _levels(report)))
 
 

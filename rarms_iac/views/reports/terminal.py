@@ -115,7 +115,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
 def _remark(measurement: Measurement) -> str:
     if measurement.stale:
         return f" (stale: {'; '.join(measurement.stale)})"
-    return "" if measurement.decides else " (to compare: no reservation rests on it)"
+    return "" if measurement.decides else " (to compare: no reservation uses it)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

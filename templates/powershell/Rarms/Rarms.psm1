@@ -117,7 +117,7 @@ function Get-RarmsRun {
 function Undo-RarmsRun {
     <#
     .SYNOPSIS
-        Takes back what the last run of a plan did here, by the undo script that the journal of this computer holds.
+        Undoes what the last run of a plan did here, by the undo script that the journal of this computer holds.
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([switch] $AsJson, [switch] $Force)
@@ -128,7 +128,7 @@ function Undo-RarmsRun {
     $last = $script:Started
     # An undo that was cut off is gone on with.
     $text = if ($last) { if ($last.run -ceq 'undo' -and -not $script:Closing) { $last.script } else { $last.undo } }
-    if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to take back' }
+    if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to undo' }
     # Below the folder that only administrators may write to, and removed also after a preview; one file has no module.
     $dir = Join-Path -Path $script:Folder -ChildPath 'undo'
     try {
@@ -194,7 +194,7 @@ function Initialize-Run {
     $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
     $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
     $script:Changed = 0             # steps that this run did
-    $script:Messages = @()          # what a step has to tell beside that it is done
+    $script:Messages = @()          # what a step has to tell apart from its end
     # A service or a logon may come without the variable; Windows knows the folder all the same.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
@@ -728,7 +728,7 @@ function Add-Record {
 }
 
 function Clear-Journal {
-    # The run that it holds becomes history, of which the last hundred are remembered; an undo takes back what it did.
+    # The run that it holds becomes history, of which the last hundred are remembered; an undo reverses it.
     $last = $script:Started
     if ($null -eq $last) { return }
     $extra = $script:Past.Count - 99
@@ -878,7 +878,7 @@ function Get-PartitionReading {
         }
     }
     if ($live['exists'] -and (Test-Unread -Live $live -Name 'added')) {
-        # Beside this disk: other disks, another name, a checkpoint.
+        # Apart from this disk: other disks, another name, a checkpoint.
         $live['added'] = @(
             foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
                 if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
@@ -1111,7 +1111,7 @@ function Test-Capacity {
         return $false
     }
     if ($needed -gt $percent -or $Memory -gt $bytes) { return $false }
-    $script:Shortage = 'each of its processors has to fit onto one core beside the others: ' + $script:Shortage
+    $script:Shortage = 'each of its processors has to fit onto one core with the others: ' + $script:Shortage
     # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()

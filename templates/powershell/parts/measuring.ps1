@@ -100,7 +100,7 @@ function Get-NextSetting {
 }
 
 function Use-Setting {
-    # End what runs, set the reserves (who gives comes before who takes), begin anew.
+    # End what runs, set the reserves (who gives comes before who takes), begin again.
     param([string] $Next)
     Stop-Work
     $script:Setting = $Next

@@ -20,10 +20,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
+    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 2e99cd74f7e547f086264c38f8b85d61dee6207ce8d69a0eae351034ad5415fe, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 8e6769c0bc630996f67f7476c9eb76d347372ee4647a3094b735e26b7d48e5ef, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'f45445d1a1e1'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2e99cd74f7e547f086264c38f8b85d61dee6207ce8d69a0eae351034ad5415fe'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '8e6769c0bc630996f67f7476c9eb76d347372ee4647a3094b735e26b7d48e5ef'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -83,7 +83,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 933c70374a93 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan aaafbec3127d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        what is done                                                       off
@@ -23,10 +23,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
+    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 6233e9c1b42e067e5b9c9a4c6d1b90240f03df3dd9f58b45bc663f3fb9ccb3c0, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 26895a92d3094f9dbecad47038f245e3234c6b8f52b9fd8dbaff5847e47c37bd, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'destroy'; Plan = '933c70374a93'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6233e9c1b42e067e5b9c9a4c6d1b90240f03df3dd9f58b45bc663f3fb9ccb3c0'
+        Run = 'apply'; Purpose = 'destroy'; Plan = 'aaafbec3127d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '26895a92d3094f9dbecad47038f245e3234c6b8f52b9fd8dbaff5847e47c37bd'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -99,7 +99,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

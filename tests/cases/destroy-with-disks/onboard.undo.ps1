@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 933c70374a93 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan aaafbec3127d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
     name        what is done
@@ -23,10 +23,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it takes back what was done, the last step first.
+    Shows what it would do; without -WhatIf it undoes what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -42,11 +42,11 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'destroy'; Plan = '933c70374a93'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'destroy'; Plan = 'aaafbec3127d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
-    # === task/Games: takes back what the apply script did to it, the last step first ==============
+    # === task/Games: undoes what the apply script did to it, the last step first ==================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
     Add-Step -Action 'record that it is ours, and what was there' -Undoes 6 -Same @{ robot = '' } -Before @{
         record = ''; set = ''
@@ -72,13 +72,13 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
+    # === vision: undoes what the apply script did to it, the last step first (rarms.yaml:13:3) ====
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Undoes 2 -Lost 3 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
         Hyper-V\Start-VM -VM $script:Vm
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:14:3)
+    # === speech: undoes what the apply script did to it, the last step first (rarms.yaml:14:3) ====
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Lost 1 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
         Hyper-V\Start-VM -VM $script:Vm
@@ -88,7 +88,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

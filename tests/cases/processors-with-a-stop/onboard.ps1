@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3e3da81e6db7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan d878a384165e of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    what is done                                                                                                        off
     speech  stopped; reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2; started  until it has started, 120 s at most to stop
     Time: some seconds a call. It waits 120 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
     Only these calls change something (and how often): Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
-    Not undone: speech: it starts anew: what its programs had in memory is lost
+    Not undone: speech: it starts again: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -20,10 +20,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
+    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo b9dc2eb43fd852ed2b0a3febd707c942447c5d265d214b18d2d720c62feaf753, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 4cef4485d79c23bb07687581a2a02d3a074313599b0077d909b58054bc7d5aeb, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '3e3da81e6db7'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'b9dc2eb43fd852ed2b0a3febd707c942447c5d265d214b18d2d720c62feaf753'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'd878a384165e'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '4cef4485d79c23bb07687581a2a02d3a074313599b0077d909b58054bc7d5aeb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -67,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

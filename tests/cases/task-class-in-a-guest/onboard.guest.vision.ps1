@@ -19,10 +19,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.guest.vision.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.guest.vision.undo.ps1, beside it.
+    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.guest.vision.undo.ps1, next to it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo cb7b86cebd7788f84d540d502eb3adeeb28c41154c1901874a76ac9157d4f181, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo c4d4cc2cd993e6bbaad2c77f1d9c552d300343bdf0745ed3cc71bfbb598d5085, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'cb7b86cebd7788f84d540d502eb3adeeb28c41154c1901874a76ac9157d4f181'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'c4d4cc2cd993e6bbaad2c77f1d9c552d300343bdf0745ed3cc71bfbb598d5085'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

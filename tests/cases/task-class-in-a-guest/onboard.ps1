@@ -19,10 +19,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Take it back with .\onboard.undo.ps1, beside it.
+    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 3510dbabb4967d3803ea4e4b823fbc38e0cbc5c35464e3275be437227e90d8e6, Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo f6542f3d3265617134fba84fde8ea0a693787d2c30582f2181b20e11b5ea12a0, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '3510dbabb4967d3803ea4e4b823fbc38e0cbc5c35464e3275be437227e90d8e6'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f6542f3d3265617134fba84fde8ea0a693787d2c30582f2181b20e11b5ea12a0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -18,10 +18,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it takes back what was done, the last step first.
+    Shows what it would do; without -WhatIf it undoes what was done, the last step first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: Rarms.psm1 29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
 #>
 
 #Requires -Version 5.1
@@ -41,7 +41,7 @@ $plan = {
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
-    # === task/Games: takes back what the apply script did to it, the last step first (rarms.yaml:12:50)
+    # === task/Games: undoes what the apply script did to it, the last step first (rarms.yaml:12:50)
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
     Add-Step -Action 'set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Same @{ 'value:affinity' = 'dword:0'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
         'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
@@ -69,7 +69,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '29A631CA4D539AD18DB1A5DB203455068618255277D2E6495F52EF0C0F42781A'
+    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

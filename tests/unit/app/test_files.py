@@ -130,7 +130,7 @@ def test_link_to_another_folder_of_repository_is_followed(outside: Path) -> None
     ("error", "advice"),
     [
         (NotRegular("file", "a folder"), "Remove it, or put a regular file there."),
-        (PermissionError(13, "Permission denied"), "Run rarms as its owner, or mend its rights."),
+        (PermissionError(13, "Permission denied"), "Run rarms as its owner, or correct its permissions."),
         (OSError(28, "No space left on device"), "Make room."),
     ],
 )

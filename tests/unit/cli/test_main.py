@@ -217,8 +217,8 @@ AGAIN = "If it was changing a host, run the same command again to finish that"
 @pytest.mark.parametrize(
     ("command", "advice"),
     [
-        ("apply", f"{AGAIN}, or `rarms undo` to take it back."),
-        ("stop", f"{AGAIN}, or `rarms undo` to take it back."),
+        ("apply", f"{AGAIN}, or `rarms undo` to reverse it."),
+        ("stop", f"{AGAIN}, or `rarms undo` to reverse it."),
         ("undo", f"{AGAIN}."),
         ("measure", "Results are saved; run the same command to continue."),
         ("prove", "Results are saved; run the same command to continue."),

@@ -244,7 +244,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("drift", "A run is unfinished on ", "apply", in_view=True),
         Ask(
             "plan",
-            ("`rarms undo` to take it back", "`rarms apply --abandon` to leave the host as it is"),
+            ("`rarms undo` to reverse it", "`rarms apply --abandon` to leave the host as it is"),
             ("apply", "undo", "apply --abandon"),
         ),
         Ask("status", "finishes the run on", "apply"),
@@ -305,7 +305,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MANIFEST, "apply", edit("45 %", "40 %"), "plan --out a.plan", "simulate change vision --reserve 30"),
         Ask("apply a.plan", "Nothing was changed. Look with `rarms drift`", "drift"),
     ),
-    "an apply cannot be taken back wholly": (
+    "an apply cannot be undone wholly": (
         given(MANIFEST, "apply", "destroy"),
         Ask("undo --auto-approve", "cannot bring that back. Afterwards `rarms plan` says what differs", "plan"),
     ),
@@ -418,7 +418,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),
         Ask("explain drive", "Next: ", "plan", in_view=True),
     ),
-    "late jobs may be later beside other partitions": (
+    "late jobs may be later with other partitions": (
         given(LATE, "measure vision --from 60% --to 60%"),
         Ask("plan", "whether it holds", "prove", first=("apply",)),
     ),
@@ -466,7 +466,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MEASURED, logs(vision=45), edit("work: 20 ms", "work: 21 ms")),
         Ask("plan", "Or take the change back.", "measure vision"),
     ),
-    "it was measured beside what runs on the host": (
+    "it was measured with what runs on the host": (
         given(
             MANIFEST.replace("45 %", "10 %").replace("20 %", "10 %"),
             "apply",
@@ -522,7 +522,7 @@ OTHER_TESTS = {
     "`rarms init` writes one.": "tests/unit/cli/test_status.py",
     "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
     "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
-    "Take it back with that application's manifest: ": "tests/system/test_cli_route.py",
+    "Undo it with that application's manifest: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_machine_of_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_machine_of_another_partition_is_released_as_recommended",
     "samples of each component may tell, in about": "tests/unit/measuring/test_prove.py",
@@ -560,7 +560,7 @@ OTHER_TESTS = {
     "See what is missing with `rarms plan`, and bring it": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Look at the host again: `rarms plan`": "another tool changed a partition",
-    "Measure the parts again (": "it was measured beside what runs on the host",
+    "Measure the parts again (": "it was measured with what runs on the host",
     "More samples may show it. ": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
     "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
@@ -568,7 +568,7 @@ OTHER_TESTS = {
     "Run it alone and correct it: ": "a component cannot run on its host",
     "raise the reserves until `rarms prove` passes": "it is applied",
     "`rarms apply --abandon` to leave the host as it is.": "an apply was killed",
-    "to finish it, `rarms undo` to take it back": "an apply was killed",
+    "to finish it, `rarms undo` to reverse it": "an apply was killed",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 

@@ -300,7 +300,7 @@ def test_component_runs_in_its_partition_and_class(linux_folder: Path) -> None:
     after = rarms("run", "-f", str(linux_folder), "--samples", "2")
     inside = json.loads(seen.read_text(encoding="utf-8"))
 
-    assert "vision runs without a reservation, beside everything else: onboard: no partition vision" in before.err
+    assert "vision runs without a reservation, with everything else: onboard: no partition vision" in before.err
     assert after.err.startswith("vision runs in its partition vision on onboard (chrt --fifo 23).")
     assert slice_name not in outside[0]
     assert f"/{slice_name}/vision" in inside[0]

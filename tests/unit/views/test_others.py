@@ -157,7 +157,7 @@ def test_an_undo_without_a_step_says_why() -> None:
     lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do"),))
 
     assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
-    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"
+    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be undone.\n"
 
 
 def a_start() -> RunStarted:

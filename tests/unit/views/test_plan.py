@@ -100,7 +100,7 @@ def test_changed_reserve_is_in_lps() -> None:
 def test_lost_parts_are_not_listed_as_restored() -> None:
     change = delete(partition(settings()))
     stop = StopPartition(partition="vision", grace_ms=60_000)
-    partly = Undo(level=UndoLevel.PARTIAL, operation=None, message="it starts anew")
+    partly = Undo(level=UndoLevel.PARTIAL, operation=None, message="it starts again")
     lost = Undo(level=UndoLevel.NONE, operation=None, message="it is not made again")
     removal = step(change.address, operation=RemovePartition(partition="vision", machine="an id"))
     steps = [
@@ -111,7 +111,7 @@ def test_lost_parts_are_not_listed_as_restored() -> None:
     shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
 
     assert "cannot be undone; it is not made again" in shown
-    assert "it starts anew" not in shown
+    assert "it starts again" not in shown
 
 
 def test_task_class_shows_types_and_effect() -> None:

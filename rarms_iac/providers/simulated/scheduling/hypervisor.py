@@ -47,7 +47,7 @@ class HypervisorScheduler:
         self._busy = self._sharing = 0  # the VPs that have a thread, a bit each: now, and when weights were last made
         self._shares: dict[int, list[tuple[VirtualProcessor, float]]] = {}  # by `_busy`
         self._woken: list[VirtualProcessor] = []
-        self._returning: set[VirtualProcessor] = set()  # these begin anew where they stood
+        self._returning: set[VirtualProcessor] = set()  # these begin again where they were
         self._level = 0.0  # what is left over has been shared up to here: ms by usable weight
         self.lps = [LogicalProcessor(number) for number in range(lps)]
         for lp in self.lps:
@@ -83,7 +83,7 @@ class HypervisorScheduler:
     def keep_place(self, vp: VirtualProcessor) -> None:
         """Let the VP come back from its next rest owing nothing, and owed what it was before.
 
-        NOTE: for loads that begin anew. As one that comes, each start would bring the others level with it, and so give
+        NOTE: for loads that begin again. As a newcomer, each start would bring the others level with it, and so give
         them a slice that is not reserved, which a load that goes on leaves once in seconds.
         """
         self._returning.add(vp)
@@ -164,7 +164,7 @@ class HypervisorScheduler:
             self._arm(lp)
 
     def _share(self) -> None:
-        """Weigh anew all that demand; who comes begins where the least served is, with nothing owed from before."""
+        """Weigh all that demand; who comes begins where the least served is, with nothing owed from before."""
         stayed = self._busy & self._sharing
         for vp in self._woken:
             stayed &= ~vp.bit

@@ -214,7 +214,7 @@ class VirtualProcessor(Owner):
         self.number = number
         self.reserve, self.limit = shares
         self.weight = weight
-        self.usable_weight = float(weight)  # of it, what it can use beside those that demand now
+        self.usable_weight = float(weight)  # of it, what it can use with those that demand now
         self.thread: Thread | None = None
         self.lp: LogicalProcessor | None = None
         self.waiting = False
@@ -278,7 +278,7 @@ class VirtualProcessor(Owner):
             self.claim = 0.0
 
     def refill(self, window: int, length: float) -> None:
-        """Make its limit count anew in every window."""
+        """Let its limit start again in every window."""
         if window != self.limit_window:
             self.limit_window = window
             self.limit_left = self.limit * length

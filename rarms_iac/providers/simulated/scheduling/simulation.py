@@ -366,7 +366,7 @@ class InterruptSource(Owner):
 
 
 class BusyLoopProgram(Owner):
-    """A thread that never waits, but for when its load begins anew."""
+    """A thread that never waits, except when its load begins again."""
 
     def __init__(self, system: OperatingSystem) -> None:
         super().__init__()
@@ -429,7 +429,7 @@ class SchedulerSimulation:
         return self._use[machine].most()
 
     def restart_loads(self) -> bool:
-        """Let every load that never pauses begin anew, after a random part of the window; components run on.
+        """Start every load that never pauses again, after a random part of the window; components run on.
 
         Returns:
             False: there is none.
