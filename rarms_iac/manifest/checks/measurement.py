@@ -99,10 +99,10 @@ def advice_on_weak_loads(
             "limit, or by processors that its partition may not use. Find out which"
         )
     elif BUSY_LOOP in system.loads_of(members):
-        return prose(f"Measure beside `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")
+        return prose(f"Measure with `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")
     else:
-        way = f"Name `{BUSY_LOOP}` in `{owner}.interference`, so that plans rest on it, too"
-    return prose(f"{way}, and measure beside it: ", measure, ".")
+        way = f"Name `{BUSY_LOOP}` in `{owner}.interference`, so that plans use it, too"
+    return prose(f"{way}, and measure with it: ", measure, ".")
 
 
 @component_check(WRONG_VALUE)
