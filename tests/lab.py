@@ -42,7 +42,7 @@ class Countdown:
 
 @dataclass(frozen=True)
 class Lab:
-    """Each call opens the hosts anew, as a new process would."""
+    """Each call opens the hosts again, as a new process would."""
 
     system: System
     folder: Path

@@ -30,7 +30,7 @@ def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:
 
 
 def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting], *, build: int = 26100) -> Path:
-    """Write data logs anew, one for each load, on the first host that the components may use; return the first path."""
+    """Write data logs, one for each load, on the first host that the components may use; return the first path."""
     system, recorded = _system(folder), tuple(settings)
     usable = (name for name in system.hosts if all(system.components[each].may_run_on(name) for each in members))
     host = system.hosts[min(usable)]

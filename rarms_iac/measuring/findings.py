@@ -314,7 +314,7 @@ def _setting_budget(time_ms: float, experiment: Experiment) -> str:
 
 
 def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
-    """Return that the budget was not spent, where it is not."""
+    """Say that the budget was not spent, if so."""
     if setting is None or setting.host_ms >= (budget_ms := experiment.budget.at(setting.reserve)):
         return ""
     took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)

@@ -53,7 +53,7 @@ def not_measured(
 
 
 def without_log(components: Names, platform: str) -> NotMeasured:
-    """Return that no data log has the reservation of these components."""
+    """Report that no data log has the reservation of these components."""
     template = "The reservation of {components:each} on platform {platform} is to be measured, and no data log has it."
     advice = "Fix it with `cpu: { reserve: ... }`, or measure it first."
     return not_measured(planning_findings.UNMEASURED, components, platform, template, advice)

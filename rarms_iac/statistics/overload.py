@@ -48,10 +48,10 @@ def find_overload(series: Series, run: Run, *, error: float) -> Overload | None:
         return None
     period = float(run.arrival.period)
     samples = columns_of(series.samples)
-    anew = (*series.runs, *series.starts)
-    steps = samples.remember(("steps", period, anew), lambda: _steps(samples, period, anew))
+    restarts = (*series.runs, *series.starts)
+    steps = samples.remember(("steps", period, restarts), lambda: _steps(samples, period, restarts))
     return samples.remember(
-        ("overload", period, error, series.wanders, series.cpu_ms, anew),
+        ("overload", period, error, series.wanders, series.cpu_ms, restarts),
         lambda: _overload(steps, series, period, error / 2),
     )
 
@@ -160,10 +160,12 @@ class _Steps:
     left_out_ms: float  # by how much other pairs began further apart than a period
 
 
-def _steps(samples: SampleColumns, period: float, anew: Collection[int]) -> _Steps:
+def _steps(samples: SampleColumns, period: float, restarts: Collection[int]) -> _Steps:
     """Return the steps between jobs; those between two runs or starts of a load are left out: the queue differs."""
     pairs = zip(pairwise(samples.began_ms), pairwise(ends_ms(samples)), strict=True)
-    spans = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in anew]
+    spans = [
+        (began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in restarts
+    ]
     return _Steps(
         between_ms=[ended for began, ended in spans if _is_on_schedule(began, period)],
         left_out_ms=sum(max(0.0, began - period) for began, _ in spans if not _is_on_schedule(began, period)),

@@ -38,7 +38,7 @@ def on_linux(host: Host) -> Host:
 
 @dataclass(frozen=True)
 class Bench:
-    """A kind of host: each call opens the same host anew, as a new process would."""
+    """A kind of host: each call opens the same host again, as a new process would."""
 
     open: Callable[[Host, Path], StepwiseHost]
     needs: tuple[str, ...] = ()

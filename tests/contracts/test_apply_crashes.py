@@ -44,7 +44,7 @@ SECOND = builders.a_system(
 
 @dataclass(frozen=True)
 class Lab:
-    """A kind of host, opened anew for each command."""
+    """A kind of host, opened again for each command."""
 
     bench: Bench
 

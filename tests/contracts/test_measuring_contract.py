@@ -341,7 +341,7 @@ def test_equal_seeds_give_equal_samples(tmp_path: Path) -> None:
 
     first = run(7)
 
-    assert run(7) == first, "also in partitions that were made anew"
+    assert run(7) == first, "also in partitions that were made again"
     assert run(8) != first
 
 

@@ -50,7 +50,7 @@ class Vm:
     cluster_knows: bool = True  # what its cluster keeps of it is how it is
     folder: str = ""  # its own, in which its configuration lies; empty: the host's
     disks: list[str] = field(default_factory=list)
-    checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints rest on
+    checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints need
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch
     obeys: bool = True  # its guest shuts down when asked
     unsaved: bool = False  # a program holds the shutdown up, until it is forced

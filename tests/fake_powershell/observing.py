@@ -44,7 +44,7 @@ _ASKS = {
     "profile": f"Get-Item {PROFILE}",
     "machine_id": f"Get-Item {CRYPTOGRAPHY}",
 }
-"""Of each probe the command that it rests on: where it was not answered, the host does not answer it either."""
+"""Of each probe the command that it needs: where it was not answered, the host does not answer it either."""
 
 
 def host_from(document: Document, *files: str) -> WindowsHost:

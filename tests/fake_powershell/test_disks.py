@@ -114,7 +114,7 @@ def test_disk_named_like_a_pattern_is_refused() -> None:
     assert host.file(path) is not None
 
 
-# What another machine's checkpoints rest on only the step sees; another parent makes it a child all the same.
+# What another machine's checkpoints need only the step sees; another parent makes it a child all the same.
 SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _another_parent)]
 
 

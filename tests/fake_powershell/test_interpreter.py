@@ -1,4 +1,4 @@
-"""What the fake takes PowerShell to do: each line is a rule of the language that rarms' scripts rest on."""
+"""What the fake takes PowerShell to do: each line is a rule of the language that rarms' scripts need."""
 
 import pytest
 

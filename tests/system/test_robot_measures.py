@@ -95,7 +95,7 @@ def test_measure_plan_apply_prove_over_ssh(robot: Robot) -> None:
     for folder in (robot.here, robot.there):
         (folder / "jobs.py").write_text(f"{JOBS}# another\n", encoding="utf-8")
     other: Any = json.loads(robot.run(*MEASURE).out)
-    assert [each["new"] for each in other["experiments"]] == [2], "the log of another program is begun anew"
+    assert [each["new"] for each in other["experiments"]] == [2], "the log of another program is a new one"
     again: Any = json.loads(robot.run(*MEASURE).out)
     assert [each["new"] for each in again["experiments"]] == [0]
     tuned = robot.run("tune", "--json")

@@ -162,7 +162,7 @@ def shown(page: "WebDriver", name: str) -> str:
 
 
 def press(page: "WebDriver", form: str) -> None:
-    """Click a form's button; a page that is made anew between looking and clicking is looked at again."""
+    """Click a form's button; a page that is made again between looking and clicking is looked at again."""
     from selenium.common.exceptions import StaleElementReferenceException
 
     for _ in range(20):
@@ -173,7 +173,7 @@ def press(page: "WebDriver", form: str) -> None:
 
 
 def types(page: "WebDriver", field: str, text: str) -> None:
-    """Into a field that has the focus, as by hand: a page that is made anew meanwhile keeps both."""
+    """Into a field that has the focus, as by hand: a page that is made again meanwhile keeps both."""
     from selenium.webdriver import ActionChains, Keys
 
     page.execute_script("const field = document.getElementById(arguments[0]); field.value = ''; field.focus()", field)

@@ -15,7 +15,7 @@ policy:
 
 
 class Desk:
-    """A folder with the manifest of `init`, whose host is described anew for every command."""
+    """A folder with the manifest of `init`, whose host is described again for every command."""
 
     def __init__(self, folder: Path) -> None:
         assert rarms("init", str(folder), "--name", "desk").code == 0

@@ -124,7 +124,7 @@ def test_overlays_change_what_they_say_and_nothing_else() -> None:
 
 
 def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> PlanningResult:
-    """A plan that rests on the data logs below the folder."""
+    """A plan from the data logs below the folder."""
     assert result.system is not None
     states = {name: host.observe() for name, host in hosts.items()}
     loaded = replace(result, folder=str(folder))

@@ -1,4 +1,4 @@
-"""Plans that rest on data logs, from files to exit codes."""
+"""Plans with measured reservations, from files to exit codes."""
 
 from collections.abc import Mapping
 from pathlib import Path

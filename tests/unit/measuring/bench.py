@@ -46,7 +46,7 @@ class Stops(NeverStop):
 
 
 class Bench:
-    """A folder with a host and a data log; each call opens both anew, as a new process would."""
+    """A folder with a host and a data log; each call opens both again, as a new process would."""
 
     def __init__(self, folder: Path, experiment: Experiment) -> None:
         self.folder = folder

@@ -292,7 +292,7 @@ def test_first_setting_is_as_precise_as_asked(bench: Bench) -> None:
 
 
 def test_log_gives_the_same_decisions(bench: Bench) -> None:
-    """Early ends are decided while samples come in, and judged anew from what was recorded."""
+    """Early ends are decided while samples come in, and judged again from what was recorded."""
     ended = bench.measure()
     replayed = bench.search().decide(bench.book.known.settings)
 

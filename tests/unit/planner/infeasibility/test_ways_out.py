@@ -1,4 +1,4 @@
-"""Ways out of what does not fit, where reservations rest on curves: each is planned again here."""
+"""Ways out of what does not fit, where reservations come from curves: each is planned again here."""
 
 import re
 from collections.abc import Iterable

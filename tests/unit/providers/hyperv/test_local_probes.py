@@ -15,7 +15,7 @@ from tests.recorded_hosts import NAMES, document
 from tests.unit.providers.hyperv.made_windows import FACTS, MadeWindows
 
 NOT_IN_WMI = ("powershell", "execution_policy")
-"""Which PowerShell looked, and what its process allows: no state rests on them."""
+"""Which PowerShell looked, and what its process allows: no state depends on them."""
 
 
 def printed(name: str) -> dict[str, Any]:

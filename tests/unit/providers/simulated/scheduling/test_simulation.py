@@ -222,7 +222,7 @@ def test_a_thread_that_wakes_has_a_whole_turn() -> None:
 
 
 def test_ready_thread_keeps_its_turn() -> None:
-    """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
+    """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn again."""
     steady = JobDemand(component="steady", work_ms=20)
     system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoop(threads=1),))
 

@@ -178,7 +178,7 @@ class RobotAction(ActionBase):
         return {"robot": variables["inventory_hostname"], **result}
 
     def remove_stale(self, arguments: Mapping[str, Any], variables: Mapping[str, Any]) -> None:
-        """Remove what an earlier task left and this one, which failed, could not make anew.
+        """Remove what an earlier task left and this one, which failed, could not make again.
 
         Args:
             arguments: the task's, checked.
