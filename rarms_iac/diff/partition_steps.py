@@ -97,7 +97,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         image=making.image,
         switch=making.switch,
         vm_path=making.vm_path,
-        secure_boot=wanted.secure_boot if wanted.generation == 2 else "",
+        secure_boot=wanted.secure_boot,
     )
     return Step(
         address=replace(address, machine=""),

@@ -120,10 +120,11 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
 def _wanted(partition: PlacedPartition, there: Partition | None, system: System) -> Partition:
     stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NO_USER
     runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
+    stays = _machine_that_stays(partition.settings, there)
     settings = replace(
         partition.settings,
         running=partition.settings.running or runs_or_is_wanted_again,
-        secure_boot=partition.settings.secure_boot if there is None or there.settings.secure_boot else "",
+        secure_boot=partition.settings.secure_boot if stays is None or stays.settings.secure_boot else "",
     )
     request, application = system.partitions.get(partition.name), system.application.name
     mark = Mark(
@@ -164,7 +165,8 @@ def _stopped_unwanted(there: Partition) -> Partition:
 def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sharing: CoreSharing) -> Partition:
     """Return the partition with these settings; its mark says them, and the machine that is there."""
     machine = there.id if there else ""
-    live = there.settings.secure_boot if there else ""
+    stays = _machine_that_stays(settings, there)
+    live = stays.settings.secure_boot if stays else ""
     return Partition(
         # Where it is not fixed, it is left as it is, and no part of what the mark says.
         settings=replace(settings, secure_boot=settings.secure_boot or live),
@@ -173,6 +175,11 @@ def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sh
         mark=replace(mark, machine=machine[:ID_DIGITS], set=set_of_settings(settings)),
         sharing=there.sharing if there else sharing,
     )
+
+
+def _machine_that_stays(settings: PartitionSettings, there: Partition | None) -> Partition | None:
+    """Return the machine that is there, unless another generation makes it again."""
+    return there if there is not None and there.settings.generation == settings.generation else None
 
 
 def _tasks(

@@ -9,7 +9,7 @@ from rarms_iac.diff.step_context import Difference
 from rarms_iac.model.changes import Address, Update
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import Mark, Partition, RegistryValue, RunState, State, TaskClass, TaskRecord, ValueKind
-from rarms_iac.model.system import Disruption, RunsOn, StartMode, System
+from rarms_iac.model.system import Disruption, HypervPartition, RunsOn, StartMode, System
 from tests import builders_plan as build
 from tests.builders import a_component, a_host, a_partition, a_system, a_task, codes
 from tests.builders_plan import facts, settings
@@ -155,6 +155,16 @@ def test_other_generation_is_made_again() -> None:
     ]
     assert after.partitions[0].id != state.partitions[0].id
     assert difference(robot(), after).changes == []
+
+
+def test_machine_made_again_has_wanted_secure_boot() -> None:
+    off = robot(partitions=[replace(a_partition("vision"), hyperv=HypervPartition(secure_boot="off"))])
+    state = edited(applied(off), "vision", generation=1, secure_boot="")
+
+    after = applied(off, state)
+
+    assert [partition.settings.secure_boot for partition in after.partitions] == ["off"]
+    assert difference(off, after).changes == []
 
 
 ODD = [
