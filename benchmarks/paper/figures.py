@@ -26,12 +26,12 @@ PARAMETERS = """\
 | weight of P2 | 10000 | `rarms measure` | 1: with Table 1's 100 P1 gets a third more at 10 % |
 | interrupts of a quiet machine | 1 % | `machine.py` | 1, 3, 4 |
 | thread priorities 30 and 31, 8 | as the paper says | `experiments.py` | 3 |
-| turn of a thread | 31.2 ms | `guest.py` | 3: where VSP and PPP bend |
-| decoding a frame | 4 ms | `programs.py` | 3, 4 |
-| painting it, and its interrupts, on the machine itself | 2 ms, 0.2 ms | `programs.py` | 3 |
-| its intercepts, and the parent's emulation, in a partition | 10 ms, 16 ms | `programs.py` | 4: the peak at two |
-| memory of a system and of a browser | 150 MiB, 130 MiB | `programs.py` | 4: the fall towards ten |
-| a disk read, and how many frames need one at worst | 12 ms, a third | `programs.py` | 4: the fall towards ten |"""
+| turn of a thread | 31.2 ms | `hypervisor.py` | 3: where VSP and PPP bend |
+| decoding a frame | 4 ms | `simulation.py` | 3, 4 |
+| painting it, and its interrupts, on the machine itself | 2 ms, 0.2 ms | `simulation.py` | 3 |
+| its intercepts, and the parent's emulation, in a partition | 10 ms, 16 ms | `simulation.py` | 4: the peak at two |
+| memory of a system and of a browser | 150 MiB, 130 MiB | `simulation.py` | 4: the fall towards ten |
+| a disk read, and how many frames need one at worst | 12 ms, a third | `simulation.py` | 4: the fall towards ten |"""
 
 
 def main() -> None:

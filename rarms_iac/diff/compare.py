@@ -55,7 +55,7 @@ FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
 NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
 
 
-_WORDS = {"quota_period_us": "period of the limit", "running": "whether it runs"}
+_WORDS = {**LABELS, "quota_period_us": "period of the limit", "running": "whether it runs"}
 
 
 def partition_changes(
@@ -159,7 +159,7 @@ def _describe_difference(before: Partition, after: Partition, context: StepConte
     if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
         return "`rarms measure` stopped it and ended before it started it again"
     old, new = before.settings, after.settings
-    differing = [{**LABELS, **_WORDS}[name] for name in LABELS if setting_text(name, old) != setting_text(name, new)]
+    differing = [_WORDS[name] for name in LABELS if setting_text(name, old) != setting_text(name, new)]
     if not differing and before.mark and after.mark and before.mark.protected != after.mark.protected:
         return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
     if not differing and before.mark and after.mark and before.mark.robot != after.mark.robot:

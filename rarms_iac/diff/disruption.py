@@ -154,7 +154,8 @@ def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Ch
     """Split the changes at the context's `max_disruption`.
 
     With a change that is held back goes what depends on it: a partition that would take its name, and growth that needs
-    what it would have given back, the least critical first. A partition that stays on another host is not made here.
+    what it would have given back, the least critical first. A partition that is, or may be, on another host is
+    not made here.
 
     Args:
         changes: those of one host, by address.
@@ -182,7 +183,7 @@ def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Ch
 
 
 def _changes_of_moves(changes: Sequence[Change], context: StepContext) -> _Held:
-    """Return what makes partitions here that would then be on two hosts."""
+    """Find changes that make a partition which is, or may be, on another host."""
     return {
         at: HeldBack(change=change, why=context.remaining[name])
         for at, change in enumerate(changes)
@@ -191,7 +192,7 @@ def _changes_of_moves(changes: Sequence[Change], context: StepContext) -> _Held:
 
 
 def _changes_without_name(changes: Sequence[Change], held_back: _Held) -> _Held:
-    """Move onto a name that its holder, held back, keeps."""
+    """Find changes onto a name that its holder, which is held back, keeps."""
     holders = {_name_before(entry.change): entry.change for entry in held_back.values()}
     return {
         at: HeldBack(change=change, why=f"its name stays with {holders[change.address.partition].address}")

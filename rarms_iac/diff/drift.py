@@ -113,7 +113,7 @@ def _partitions(
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
             message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
             if there[name].settings.running:
-                message = "`rarms measure` ended before its mark says that it runs: `rarms start` corrects the mark"
+                message = "it runs, but its mark says that `rarms measure` stopped it: `rarms start` corrects the mark"
             yield ResourceDrift(address=address, drift=kind, message=message)
         elif kind is not None:
             yield _of_kind(address, kind)

@@ -1,6 +1,6 @@
 """Generated PowerShell.
 
 In: a host's part of a plan. Out: scripts as bytes, ASCII with CRLF. Begin at `render.render_scripts`: `pieces` turns a
-step into guarded pieces, `literals` is the one way for a value into a script, `templates` what is fixed, `comparison`
-tells how the steps of two plans differ, and `syntax` whether PowerShell can read a script.
+step into guarded pieces, `literals` is the one way for a value into a script and checks that PowerShell can read it,
+`templates` has what is fixed, and `comparison` tells how the steps of two plans differ.
 """
