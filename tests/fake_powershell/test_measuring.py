@@ -87,6 +87,7 @@ def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> No
     assert all(sample.response_ms == pytest.approx(50, rel=0.05) for sample in series.samples)
 
 
+@pytest.mark.system  # 2 s of processor time, left out of a usual run
 def test_a_task_class_is_not_measured_but_proven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -318,6 +319,7 @@ def test_script_by_hand_makes_nothing(
     assert host.effects == []
 
 
+@pytest.mark.system  # 2 s of processor time, left out of a usual run
 def test_what_was_measured_is_applied_and_proven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -557,7 +557,7 @@ def test_record_is_written_on_where_killed_run_stopped() -> None:
 
 
 @cells
-@pytest.mark.parametrize("effects", [9, 12])
+@pytest.mark.parametrize("effects", [12, pytest.param(9, marks=pytest.mark.system)])  # a usual run tries one
 def test_repeatedly_killed_run_ends(cell: Make, effects: int) -> None:
     prepared = cell()
     host = prepared.copy(kill_after=effects)
