@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long coverage test-lowest lint test-benchmarks test-windows generated counts lock figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux demo-ros test test-long coverage test-lowest lint test-benchmarks test-windows test-powershell generated counts lock figures evaluation pictures docs bench release clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -19,7 +19,10 @@ demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the
 demo-linux: $(RUNS) ## The same with real components on this Linux, as root; three to five minutes
 	@scripts/demo-linux
 
-test: $(TESTS) ## All tests but tests/system, and of these one of each kind
+demo-ros: $(RUNS) ## A robot of ROS 1 nodes from Debian, measured by the time between messages, as root; five minutes
+	@scripts/demo-ros
+
+test: $(TESTS) ## All tests but tests/system and tests/real_powershell, and of these one of each kind
 	@scripts/test
 
 test-long: $(TESTS) ## All tests with the large counts, then unit tests and laws on all Pythons (hours)
@@ -39,6 +42,9 @@ lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and rules of our o
 
 test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CPython (wine)
 	@scripts/windows-tests
+
+test-powershell: $(TESTS) ## The generated scripts under the real PowerShell, for Windows (wine) and for Linux
+	@scripts/powershell-tests
 
 generated: $(TESTS) ## Write what is made from the code: schemas, references, the index of findings
 	@scripts/generate
@@ -65,6 +71,9 @@ docs: $(TESTS) ## The rendered documentation, in .cache/site; fails at links tha
 
 bench: $(TESTS) ## All benchmarks, as ratios measured in one run
 	@scripts/bench
+
+release: $(TESTS) ## Build this version, try the wheel in a fresh environment, list what a person still has to do
+	@scripts/release
 
 clean: ## Remove .venv and everything else that was made here
 	@rm -rf $(VENV) .cache dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -9,17 +9,18 @@ allows is `work / (parallel * CR)`.
 import math
 import random
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from statistics import NormalDist
 
+from rarms_iac.measuring.search.crossings import begun_before, is_known
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
 from rarms_iac.measuring.strategies import Strategy
 from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import AtLeast, AtMost
+from rarms_iac.model.system import AtLeast, AtMost, MeasuringLimits
 from rarms_iac.statistics.distributions import next_look
 from rarms_iac.storage.datalog.log import DIGITS
 from tests.builders import a_run
@@ -27,6 +28,7 @@ from tests.builders import a_run
 PROCESSORS = 2
 NOISES = (0.01, 0.05, 0.15)
 MOST_CORRELATION = 0.5
+PRECISION = float(MeasuringLimits().precision) / 100
 
 Level = Callable[[int], float]
 
@@ -273,7 +275,7 @@ def goal_of(truth: Truth) -> Goal:
     else:
         member = Member(name=NAME, apt={"success_rate": AtLeast(value=threshold)}, run=run)
     return Goal(
-        members=(member,), processors=PROCESSORS, budget=Budget(most_ms=math.inf)
+        members=(member,), processors=PROCESSORS, budget=Budget(most_ms=math.inf), precision=PRECISION
     )  # samples alone end a setting
 
 
@@ -302,22 +304,22 @@ def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
 
 @dataclass
 class Bench:
-    """Measures settings of one component; what was drawn once is not drawn again by the next strategy."""
+    """Measures settings of one component: at one CR every strategy sees the same jobs."""
 
     truth: Truth
     goal: Goal
-    done: dict[tuple[int, float | None], Setting] = field(default_factory=dict)
 
-    def measure(self, step: Measure) -> Setting:
-        """Return the setting, ended as soon as the strategy says so, and as a data log gives it back."""
-        key = (step.reserve, step.precision)
-        if key not in self.done:
-            self.done[key] = self._setting(step)
-        return self.done[key]
+    def measure(self, step: Measure, settings: Sequence[Setting]) -> Setting:
+        """Return the setting, ended as soon as the strategy says so, and as a data log gives it back.
 
-    def _setting(self, step: Measure) -> Setting:
+        Args:
+            settings: What was measured before; a setting at the same CR goes on.
+        """
+        before = begun_before(step.reserve, settings)
+        own = sum(len(setting.series[0].samples) for setting in settings if setting.reserve == step.reserve)
+        goal = self.goal if step.until_known else replace(self.goal, precision=0.0)
         samples: list[Sample] = []
-        consumed, look = 0.0, next_look(0)
+        consumed, look = 0.0, next_look(own)
         for sample, work in jobs(self.truth, step.reserve):
             samples.append(sample)
             consumed += work
@@ -329,7 +331,7 @@ class Bench:
                 seed=1,
                 spent_ms=float(len(samples)),
             )
-            if is_clear(setting, self.goal, precision=step.precision):
+            if is_known(setting, before, goal) or is_clear(setting, goal, precision=step.precision):
                 return setting
             look = next_look(len(samples))
         raise AssertionError("jobs never end")
@@ -354,12 +356,17 @@ class Walk:
         return sum(len(series.samples) for setting in self.settings for series in setting.series)
 
 
-def walk(strategy: Strategy, setting_of: Callable[[Measure], Setting]) -> Walk:
+def walk(strategy: Strategy, setting_of: Callable[[Measure, Sequence[Setting]], Setting]) -> Walk:
     """Return what `rarms measure` measures of this component with this strategy: its loop, without a host."""
     settings: list[Setting] = []
     while len(settings) <= MOST_SETTINGS:
         step = strategy.decide(settings)
         if not isinstance(step, Measure):
             return Walk(settings=tuple(settings), end=step)
-        settings.append(setting_of(step))
+        setting = setting_of(step, settings)
+        known = [each.reserve for each in settings]
+        if step.reserve in known:
+            settings[known.index(step.reserve)] = setting
+        else:
+            settings.append(setting)
     raise AssertionError(f"no end after {MOST_SETTINGS} settings")

@@ -1,4 +1,4 @@
-"""What Ansible's walk over many simulated robots takes with rarms, beside its own `debug` and beside the library.
+"""What Ansible's walk over many simulated robots takes with rarms, next to its own `debug` and next to the library.
 
 `python -m benchmarks.fleet [ROBOTS ...]`: 10, 100 and 1,000 without arguments. As root with control groups
 and an sshd, slices of this machine are applied over ssh on the loopback interface, too, 100 without arguments.

@@ -1,12 +1,12 @@
 """How near the answers of `rarms measure` are: random components on the simulated host, against long runs.
 
-`python -m benchmarks.measuring [FIRST LAST [ANSWERS]]` measures components FIRST to LAST of the draw (0 to
-399 unless said) by the default strategy and by bisection, beside the loads of the default policy. Components work 0.5
-to 500 ms a job, closed or periodic, on 1 to 4 threads and a host of 1 to 8 LPs, of which time may be kept. A threshold
-is what long runs show within one point of a random reservation, or is out of reach. Where two points less are hardly
-worse, as on the floor of a curve, a threshold lies near no reservation: another one below is drawn. The truth is the
-least reservation at which a long run beside each load meets the threshold. ANSWERS is a file of JSON Lines: components
-that it has, with the same jobs, budget and loads, are not measured again.
+`python -m benchmarks.measuring [FIRST LAST [ANSWERS]]` measures components FIRST to LAST of the draw (0 to 399 unless
+said) by the default strategy, by it with `slow_job: 1`, and by bisection, with the loads of the default policy.
+Components work 0.5 to 500 ms a job, closed or periodic, on 1 to 4 threads and a host of 1 to 8 LPs, of which time may
+be kept. A threshold is what long runs show within one point of a random reservation, or is out of reach. Where two
+points less are hardly worse, as on the floor of a curve, a threshold lies near no reservation: another one below is
+drawn. The truth is the least reservation at which a long run with each load meets the threshold. ANSWERS is a file of
+JSON Lines: components that it has, with the same jobs, budget and loads, are not measured again.
 
 In the environment: JOBS of a long run (20,000), BUDGET of a setting (2 h), LOADS (joined by `+`), PROCESSES.
 """
@@ -29,14 +29,20 @@ import rarms_iac as rarms
 from benchmarks.timing import Figure, report
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
-from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, load_share
+from rarms_iac.measuring.partitions import (
+    MeasuringResources,
+    highest_reserve,
+    host_resources,
+    load_reserves,
+    load_share,
+)
 from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
-from rarms_iac.model.loads import DEFAULT_LOADS
+from rarms_iac.model.loads import DEFAULT_LOADS, load_parts
 from rarms_iac.model.outcomes import NotAchievable, WithinNoise
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
-from rarms_iac.model.setting import P1, P2, P2_WEIGHT
+from rarms_iac.model.setting import P1, P2_WEIGHT
 from rarms_iac.model.system import Threshold, run_of
 from rarms_iac.providers.simulated.measuring import demand_of, model_load
 from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, ModelMachine, VirtualMachine
@@ -52,9 +58,17 @@ JOBS = int(os.environ.get("JOBS", "20000"))
 BUDGET = os.environ.get("BUDGET", "2 h")
 LOADS = tuple(os.environ.get("LOADS", "+".join(DEFAULT_LOADS)).split("+"))
 
-STRATEGIES: tuple[Literal["default", "bisection"], ...] = ("default", "bisection")
+STRATEGIES: dict[str, tuple[Literal["default", "bisection"], int]] = {
+    "default": ("default", 20),
+    "slow_job 1": ("default", 1),
+    "bisection": ("bisection", 20),
+}
+"""By what a row is called: `--strategy`, and `policy.measuring.slow_job`."""
 NEAR_WHOLE = 3
 """So near the highest reservation, no answer is no failure: the noise of a threshold reaches beyond the host."""
+
+NEAR_POINTS, NEAR_PART = 2, 0.1
+"""So near the final answer, by points or as a part of it, one of the first pass is near."""
 
 LESS, WORSE = 2, 1.01
 """So many points below the reservation that a threshold is drawn at, its index is at least so many times worse."""
@@ -101,12 +115,13 @@ class Drawn:
         """The processors that it uses at once."""
         return min(self.threads, self.logical_processors)
 
-    def manifest(self, processors: int = 0, limit: float = 1.0) -> str:
+    def manifest(self, processors: int = 0, limit: float = 1.0, slow_job: int = 20) -> str:
         """Return the manifest.
 
         Args:
             processors: of its partition; 0: left open.
             limit: of its index, in ms or a second; of a share of jobs, the time within which they must answer.
+            slow_job: of its policy.
         """
         threshold, within, deadline = f"{{ at_most: {limit:.6f} ms }}", "", ""
         match self.index:
@@ -128,7 +143,7 @@ hosts:
     logical_processors: {self.logical_processors}
     memory: 4 GiB
     keep_for_host: {{ processor: {self.kept_percent} % }}
-policy: {{ interference: [{", ".join(LOADS)}], measuring: {{ setting: {BUDGET} }} }}
+policy: {{ interference: [{", ".join(LOADS)}], measuring: {{ setting: {BUDGET}, slow_job: {slow_job} }} }}
 components:
   {self.name}:
     criticality: 1
@@ -168,7 +183,7 @@ def draw(seed: int) -> Drawn:
 
 @dataclass(slots=True)
 class LongRuns:
-    """What long runs of a component show at each reservation of so many VPs, beside every load."""
+    """What long runs of a component show at each reservation of so many VPs, with every load."""
 
     drawn: Drawn
     hosts: Hosts
@@ -191,13 +206,14 @@ class LongRuns:
         return self.experiments[0].setup.processors
 
     def at(self, reserve: int) -> tuple[Series, ...]:
-        """Return a long run beside each load, of many starts of the load, each settled."""
+        """Return a long run with each load, of many starts of the load, each settled."""
         if reserve not in self._series:
-            machines = [self._machine(experiment, reserve) for experiment in self.experiments]
+            machines = [self.machine(experiment, reserve) for experiment in self.experiments]
             self._series[reserve] = tuple(long_run(machine, self.drawn.name, self.jobs) for machine in machines)
         return self._series[reserve]
 
-    def _machine(self, experiment: Experiment, reserve: int) -> ModelMachine:
+    def machine(self, experiment: Experiment, reserve: int) -> ModelMachine:
+        """Return the machine on which this experiment runs at a CR."""
         setup, processors = experiment.setup, experiment.host.logical_processors
         share = load_share(self.resources, setup, reserve)
         assert share is not None, "no more than the highest is asked for"
@@ -209,16 +225,25 @@ class LongRuns:
             weight=setup.weight,
             components=tuple(map(demand_of, experiment.members)),
         )
-        load = model_load(experiment.load, share.reserve)
-        p2 = VirtualMachine(name=P2, vps=processors, reserve=share.reserve, weight=P2_WEIGHT, loads=(load,))
-        return ModelMachine(lps=processors, machines=(p1, p2), interrupts=QUIET_INTERRUPTS)
+        parts = load_reserves(share.reserve, load_parts(experiment.load, processors))
+        p2 = (
+            VirtualMachine(
+                name=name,
+                vps=processors,
+                reserve=of_part,
+                weight=P2_WEIGHT,
+                loads=(model_load(experiment.load, of_part),),
+            )
+            for name, of_part in parts.items()
+        )
+        return ModelMachine(lps=processors, machines=(p1, *p2), interrupts=QUIET_INTERRUPTS)
 
     def level(self, reserve: int) -> float:
-        """Return what should fall with the CR, beside the load where it is highest (`level_of`)."""
+        """Return what should fall with the CR, with the load where it is highest (`level_of`)."""
         return max(level_of(self.drawn.index, series) for series in self.at(reserve))
 
     def least(self, limit: float) -> int:
-        """Return the least CR at which a long run beside each load meets a limit; one above the highest: none does."""
+        """Return the least CR at which a long run with each load meets a limit; one above the highest: none does."""
         low, high = 0, self.highest + 1
         while high - low > 1:
             middle = (low + high) // 2
@@ -275,7 +300,7 @@ def long_run(machine: ModelMachine, name: str, jobs: int) -> Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a strategy found of a component, beside the truth."""
+    """What a strategy found of a component, next to the truth."""
 
     strategy: str
     component: str
@@ -286,13 +311,22 @@ class Answer:
     truth: int  # one above `highest`: no reservation is enough
     highest: int  # that the host can give
     is_wrong: bool
+    is_conditional: bool  # met, if no job slower than some time occurs more often than was seen
     needs: int  # samples of a setting near the whole host, to show what is true there
     is_short: bool  # its budget holds fewer
     settings: int
     seconds: float  # on the host's clock
-    whole_host_lp: float  # what is truly enough beside the first load alone, with as many VPs as the host has
+    measuring_s: float  # processor time of measuring, on the machine that ran this
+    whole_host_lp: float  # what is truly enough with the first load alone, with as many VPs as the host has
     computed_s: float  # processor time of the whole component on the machine that ran this
     run_as: str  # the jobs of a long run, the budget and the loads
+    provisional: int = 0  # of the first pass, in per cent of the same VPs; 0: none, or there is no first pass
+    first_pass_s: float = 0.0  # on the host's clock
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the first pass came near the final answer."""
+        return abs(self.provisional - self.reserve) <= max(NEAR_POINTS, NEAR_PART * self.reserve)
 
     @property
     def exists(self) -> bool:
@@ -300,7 +334,7 @@ class Answer:
         return self.truth <= self.highest - NEAR_WHOLE
 
 
-RUN_AS = f"long runs of {JOBS:,} jobs, {BUDGET} a setting, beside {', '.join(LOADS)}"
+RUN_AS = f"long runs of {JOBS:,} jobs, {BUDGET} a setting, with {', '.join(LOADS)}"
 
 
 def answers(seed: int) -> list[Answer]:
@@ -309,21 +343,21 @@ def answers(seed: int) -> list[Answer]:
     with tempfile.TemporaryDirectory(dir=IN_MEMORY if Path(IN_MEMORY).is_dir() else None) as folder:
         place = Path(folder)
         drawn = draw(seed)
-        runs = LongRuns(drawn, _loaded(place / "used", drawn.manifest(drawn.used)), loads=LOADS, jobs=JOBS)
+        runs = LongRuns(drawn, loaded(place / "used", drawn.manifest(drawn.used)), loads=LOADS, jobs=JOBS)
         drawn = leave_floor(drawn, runs, random.Random(f"floor/{seed}"))
         limit = limit_of(drawn, runs)
-        wide = _loaded(place / "wide", drawn.manifest(drawn.logical_processors))
+        wide = loaded(place / "wide", drawn.manifest(drawn.logical_processors))
         whole_host = LongRuns(drawn, wide, loads=LOADS[:1], jobs=JOBS // WHOLE_HOST_PART)
         whole_host_lp = whole_host.least(limit) * whole_host.processors / 100
         found = [
-            _answer(strategy, runs, limit, _loaded(place / strategy, drawn.manifest(limit=limit)))
-            for strategy in STRATEGIES
+            _answer(name, runs, limit, loaded(place / name, drawn.manifest(limit=limit, slow_job=slow_job)))
+            for name, (_, slow_job) in STRATEGIES.items()
         ]
     seconds = time.process_time() - began
     return [replace(answer, whole_host_lp=whole_host_lp, computed_s=seconds) for answer in found]
 
 
-def _loaded(folder: Path, manifest: str) -> Hosts:
+def loaded(folder: Path, manifest: str) -> Hosts:
     folder.mkdir()
     (folder / "rarms.yaml").write_text(manifest, encoding="utf-8")
     return rarms.load(str(folder / "rarms.yaml"))
@@ -347,20 +381,21 @@ def limit_of(drawn: Drawn, runs: LongRuns) -> float:
     return here + drawn.within * max(0.0, below - here)
 
 
-def _answer(strategy: Literal["default", "bisection"], runs: LongRuns, limit: float, hosts: Hosts) -> Answer:
+def _answer(name: str, runs: LongRuns, limit: float, hosts: Hosts) -> Answer:
+    began, strategy = time.process_time(), STRATEGIES[name][0]
+    looks = rarms.measure(hosts, MeasureRequest(quick=True)).experiments if strategy == "default" else ()
     results = rarms.measure(hosts, MeasureRequest(strategy=strategy)).experiments
+    measuring_s = time.process_time() - began
     end, truth = decisive(results), runs.least(limit)
     component = hosts.system.components[runs.drawn.name]
     [(index, threshold)] = component.apt.items()
-    reserve = 0
-    if end.reserve is not None:  # in the VPs that it uses, had it been seen to use others
-        reserve = math.ceil(end.reserve * end.processors / runs.processors)
+    reserve = _of_used_processors(end, runs)
     logs = [log for result in results if (log := read_log(Path(result.log))) is not None]
     near_whole = max(1, runs.highest - NEAR_WHOLE)
     needs = [_samples_needed(index, threshold, series, limit, hosts) for series in runs.at(near_whole)]
     needs_ms = sum(1000 * count / rate_of(each) for count, each in zip(needs, runs.at(near_whole), strict=True))
     return Answer(
-        strategy=strategy,
+        strategy=name,
         component=component.name,
         index=index,
         ending=end.ending,
@@ -369,14 +404,26 @@ def _answer(strategy: Literal["default", "bisection"], runs: LongRuns, limit: fl
         truth=truth,
         highest=runs.highest,
         is_wrong=_is_wrong(end, reserve, truth, limit, runs),
+        is_conditional=any(result.conditions for result in results),
         needs=max(needs),
         is_short=max(needs) > MOST_SAMPLES or needs_ms > runs.experiments[0].budget.most_ms,
         settings=sum(len(log.recorded) for log in logs),
         seconds=sum(record.setting.host_ms for log in logs for _, record in log.recorded) / 1000,
+        measuring_s=measuring_s,
         whole_host_lp=0.0,
         computed_s=0.0,
         run_as=RUN_AS,
+        provisional=_of_used_processors(decisive(looks), runs) if looks else 0,
+        first_pass_s=sum(
+            record.setting.host_ms for log in logs for _, record in log.recorded if record.setting.first_pass
+        )
+        / 1000,
     )
+
+
+def _of_used_processors(end: ExperimentResult, runs: LongRuns) -> int:
+    """Return an answer in the VPs that it uses, had it been seen to use others; 0: there is none."""
+    return 0 if end.reserve is None else math.ceil(end.reserve * end.processors / runs.processors)
 
 
 def _is_wrong(end: ExperimentResult, reserve: int, truth: int, limit: float, runs: LongRuns) -> bool:
@@ -417,11 +464,12 @@ def figures(found: Sequence[Answer]) -> Iterator[Figure]:
         apart = [answer for answer in of_strategy if answer.is_short]
         answered = [answer for answer in own if answer.exists and answer.reserve]
         over = sorted(max(0, answer.reserve - answer.truth) for answer in answered)
+        share_over = sorted(_percent(max(0, each.reserve - each.truth), each.truth) for each in answered)
         wrong, existing = sum(answer.is_wrong for answer in own), sum(answer.exists for answer in own)
         lowest, highest = (100 * each for each in share_interval(wrong, max(1, len(own)), error=0.1))
 
         def goal(most: float, strategy: str = strategy) -> float | None:
-            return most if strategy == STRATEGIES[0] else None
+            return most if strategy == "default" else None
 
         yield Figure(name=f"{strategy}: {len(own)} components, wrong", value=_percent(wrong, len(own)), unit="%")
         yield Figure(name="  at least, by 95 %", value=lowest, unit="%", at_most=goal(100 * ERROR))
@@ -429,8 +477,11 @@ def figures(found: Sequence[Answer]) -> Iterator[Figure]:
         no_answer = _percent(existing - len(answered), existing)
         yield Figure(name=f"  no answer, of {existing} that have one", value=no_answer, unit="%", at_most=goal(3))
         yield Figure(name="  points too high, mean", value=_mean(over), unit="", at_most=goal(1.5))
-        highest_over = over[math.ceil(0.95 * len(over)) - 1] if over else 0
-        yield Figure(name="    95th percentile", value=highest_over, unit="", at_most=goal(6))
+        yield Figure(name="    95th percentile", value=_p95(over), unit="", at_most=goal(6))
+        yield Figure(name="  too high, mean", value=_mean(share_over), unit="% of the truth")
+        yield Figure(name="    95th percentile", value=_p95(share_over), unit="% of the truth")
+        conditional = _percent(sum(each.is_conditional for each in answered), len(answered))
+        yield Figure(name="  met on a condition", value=conditional, unit="%")
         short = _percent(len(apart), len(of_strategy))
         yield Figure(name="  counted apart: too few samples in the budget", value=short, unit="%", at_most=goal(10))
         beyond = sum(answer.needs > MOST_SAMPLES for answer in apart)
@@ -439,14 +490,40 @@ def figures(found: Sequence[Answer]) -> Iterator[Figure]:
         yield Figure(name="  reserved, each", value=_mean([_lp(each, each.reserve) for each in answered]), unit="LP")
         yield Figure(name="    truly enough", value=_mean([_lp(each, each.truth) for each in answered]), unit="LP")
         whole_host = _mean([each.whole_host_lp for each in answered])
-        yield Figure(name=f"    with the host's number of VPs, beside {LOADS[0]} alone", value=whole_host, unit="LP")
+        yield Figure(name=f"    with the host's number of VPs, with {LOADS[0]} alone", value=whole_host, unit="LP")
         yield Figure(name="  settings, each", value=_mean([each.settings for each in own]), unit="")
         minutes = {name: _minutes(found, name) for name in STRATEGIES}
         most = goal(minutes["bisection"])
         yield Figure(name="  time on the host, each", value=minutes[strategy], unit="min", at_most=most)
+        yield Figure(name="  processor time, each", value=_mean([each.measuring_s for each in own]), unit="s")
+    yield from _first_pass_figures([each for each in found if each.strategy == "default" and each.first_pass_s])
     computed = {answer.component: answer.computed_s / 3600 for answer in found}
     yield Figure(name="processor time of this run", value=sum(computed.values()), unit="h")
     yield Figure(name=f"  of {COMPONENTS} such components", value=COMPONENTS * _mean([*computed.values()]), unit="h")
+
+
+def _first_pass_figures(found: Sequence[Answer]) -> Iterator[Figure]:
+    minutes = sorted(answer.first_pass_s / 60 for answer in found)
+    if not minutes:
+        return
+    both = [answer for answer in found if answer.provisional and answer.reserve]
+    near = _percent(sum(answer.is_near for answer in both), len(both))
+    yield Figure(name="first pass: time on the host, median", value=minutes[len(minutes) // 2], unit="min", at_most=2)
+    late = minutes[math.ceil(0.9 * len(minutes)) - 1]
+    yield Figure(name="  90th percentile", value=late, unit="min", at_most=5)
+    name = f"  further than 10 % or {NEAR_POINTS} points from the final answer, of {len(both)}"
+    yield Figure(name=name, value=100 - near if both else 0.0, unit="%", at_most=20)
+
+
+def _why_far(answer: Answer) -> str:
+    """Return why few jobs hardly show an index."""
+    if index_named(answer.index).is_extreme:
+        return "an extreme of few jobs lies nearer than one of many"
+    if answer.index in {"success_rate", "deadline_miss_rate"}:
+        return "few jobs hardly show a share of jobs"
+    if percentile_of(answer.index) is not None:
+        return "few jobs lie beyond the percentile"
+    return "its estimate lay on the wrong side of the threshold, or the final bound is wide"
 
 
 def _minutes(found: Sequence[Answer], strategy: str) -> float:
@@ -455,6 +532,10 @@ def _minutes(found: Sequence[Answer], strategy: str) -> float:
 
 def _lp(answer: Answer, reserve: int) -> float:
     return reserve * answer.processors / 100
+
+
+def _p95(ordered: Sequence[float]) -> float:
+    return ordered[math.ceil(0.95 * len(ordered)) - 1] if ordered else 0.0
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -486,6 +567,11 @@ def main() -> int:
             print(
                 f"{answer.component} ({answer.strategy}, {answer.index}): {kind}: {answer.ending}, "
                 f"{answer.reserve} % found, {answer.truth} % true, the host can give {answer.highest} %"
+            )
+        if answer.strategy == "default" and answer.provisional and answer.reserve and not answer.is_near:
+            print(
+                f"{answer.component} ({answer.index}): first pass {answer.provisional} %, in the end "
+                f"{answer.reserve} %: {_why_far(answer)}"
             )
     return report([*figures(found)])
 

@@ -19,7 +19,7 @@ Task = Callable[[], object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One measured number beside its goal; without a goal it is only told."""
+    """One measured number next to its goal; without a goal it is only told."""
 
     name: str
     value: float

@@ -1,4 +1,4 @@
-"""How often verdicts are wrong beside what they declare, and whether a series without a steady state gets one."""
+"""How often verdicts are wrong next to what they declare, and whether a series without a steady state gets one."""
 
 import math
 import random
@@ -13,7 +13,8 @@ from benchmarks.timing import Figure, report
 from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import Sample, Series, first_samples
-from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.system import AtLeast, AtMost, MeasuringLimits, Threshold
+from rarms_iac.statistics.conditions import conditions_of
 from rarms_iac.statistics.distributions import ERROR, FIRST_LOOK, LOOK_ERROR, next_look, share_below
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge, judge_early, judge_look
@@ -383,7 +384,7 @@ def steadiness_figures(count: int) -> list[Figure]:
 
 
 def error_figures(count: int) -> list[Figure]:
-    """Wrong verdicts beside the declared error, with the binomial test at 1 %."""
+    """Wrong verdicts next to the declared error, with the binomial test at 1 %."""
     figures: list[Figure] = []
     for kind in KINDS:
         for way, judged in WAYS.items():
@@ -425,7 +426,7 @@ def effort(data: str, seed: int) -> tuple[Series, dict[str, Threshold]]:
 
 
 def effort_figures(count: int) -> list[Figure]:
-    """Return samples that a setting takes, beside those before."""
+    """Return samples that a setting takes, next to those before."""
     figures: list[Figure] = []
     for data, before in BEFORE.items():
         taken = clear = 0
@@ -472,6 +473,38 @@ def beyond_boundary(runs: int) -> int:
                 left += 1
                 break
     return left
+
+
+def met_at_a_look(searches: int, settings: int, most: int, beyond: float) -> int:
+    """Of so many searches: how many have a setting whose bound meets the threshold at any look, where none truly does.
+
+    Args:
+        settings: of each search; jobs are normal values, and all settings lie equally far beyond the threshold.
+        most: jobs of a setting.
+        beyond: how far, in standard deviations of a job.
+    """
+    looks = [*_looks(most), most]
+    limits = [-LOOK_DEVIATIONS * math.sqrt(look) for look in looks]
+    wrong_searches = 0
+    for seed in range(searches):
+        draw = random.Random(f"looks/{settings}/{most}/{beyond:g}/{seed}").gauss
+        wrong_searches += any(_is_met_at_a_look(looks, limits, beyond, draw) for _ in range(settings))
+    return wrong_searches
+
+
+def _is_met_at_a_look(
+    looks: Sequence[int], limits: Sequence[float], beyond: float, draw: Callable[[float, float], float]
+) -> bool:
+    total, before = 0.0, 0
+    for look, limit in zip(looks, limits, strict=True):
+        total += draw(beyond * (look - before), math.sqrt(look - before))
+        before = look
+        if total <= limit:
+            return True
+    return False
+
+
+LOOK_DEVIATIONS = -NormalDist().inv_cdf(LOOK_ERROR)
 
 
 def flat_series(kind: str, chance: random.Random, count: int) -> tuple[Series, dict[str, Threshold]]:
@@ -533,10 +566,80 @@ def sequence_figures(count: int) -> list[Figure]:
     """How often any look at a growing series is wrong, and a search along a flat curve."""
     left = beyond_boundary(count)
     figures = _wrong_verdicts("normal means beyond the boundary at any of 40 to 40,000 samples", left, count)
+    for settings in (1, 3, FLAT_SETTINGS):
+        found = met_at_a_look(4 * count, settings, LONG, 0.001 / 0.15)
+        name = f"{settings} settings 0.1 % beyond, normal, CV 15 %, any met at a look"
+        figures.append(Figure(name=name, value=25 * found / count, unit="%"))
     for kind in FLAT:
         settings, curves = flat_curves(kind, count // FLAT_SETTINGS)
         figures += _wrong_verdicts(f"{kind}, flat, runs of random lengths: wrong, a setting", settings, count)
         figures += _wrong_verdicts(f"  of {FLAT_SETTINGS} such settings, any", curves, count // FLAT_SETTINGS)
+    return figures
+
+
+RARE_KINDS = ("1 job in 300 takes 20 times as long", "5 % of jobs in runs of 5 take 3 times as long")
+
+RARE_CASES = (
+    (RARE_KINDS[0], "mean_response_time"),
+    (RARE_KINDS[0], "success_rate"),
+    (RARE_KINDS[1], "mean_response_time"),
+    (RARE_KINDS[1], "success_rate"),
+    (RARE_KINDS[1], "p95_response_time"),
+)
+
+
+def rare_series(kind: str, index: str, chance: random.Random) -> tuple[Series, dict[str, Threshold]]:
+    """Return a long series with rare slow jobs, a thousandth on the wrong side of its threshold."""
+    slow, share, run = (20.0, 1 / 300, 1) if kind == RARE_KINDS[0] else (3.0, 0.05, 5)
+    times: list[float] = []
+    while len(times) < LONG:
+        begins = chance.random() < share / run / (1.0 - share + share / run)
+        times += [(slow if begins else 1.0) * MEAN * chance.uniform(0.95, 1.05) for _ in range(run if begins else 1)]
+    match index:
+        case "mean_response_time":
+            return series_of(times), {index: limit_at(0.999 * MEAN * (1.0 + share * (slow - 1.0)))}
+        case "success_rate":
+            return series_of(times, limit=2 * MEAN), {index: _above(100 * (1.0 - share))}
+        case _:
+            return series_of(times), {"p95_response_time": limit_at(2 * MEAN)}
+
+
+def falsely_met(kind: str, index: str, count: int) -> tuple[int, int]:
+    """Of so many series, each looked at again and again: how many are said to be met, and how many unconditionally."""
+    met = unconditional = 0
+    for seed in range(count):
+        series, apt = rare_series(kind, index, random.Random(f"{kind}/{index}/{seed}"))
+        verdicts = list[tuple[Series, Met]]()
+        for look in _looks(len(series.samples)):
+            part = first_samples(series, look)
+            if isinstance(verdict := judge_look(part, apt, RUN), Met):
+                verdicts.append((part, verdict))
+        met += bool(verdicts)
+        unconditional += any(not conditions_of(each.judged, part, RUN, SLOW_JOB) for part, each in verdicts)
+    return met, unconditional
+
+
+SLOW_JOB = MeasuringLimits().slow_job
+MOST_WRONG = 2.0
+"""Per cent of unconditional verdicts on rare slow jobs that may be wrong."""
+
+
+def _looks(count: int) -> Iterator[int]:
+    look = FIRST_LOOK
+    while look < count:
+        yield look
+        look = next_look(look)
+
+
+def rare_figures(count: int) -> list[Figure]:
+    """Return how often rare slow jobs make a verdict wrong, with its condition and without one."""
+    figures: list[Figure] = []
+    for kind, index in RARE_CASES:
+        met, unconditional = falsely_met(kind, index, count)
+        figures += [
+            Figure(name=f"{index}, {kind}: falsely met", value=100 * met / count, unit="%"),
+            Figure(name="  without a condition", value=100 * unconditional / count, unit="%", at_most=MOST_WRONG),
+        ]
     return figures
 
 
@@ -551,7 +654,13 @@ WAYS = {"one look": one_look, "sequential": sequential}
 
 def main() -> int:
     return report(
-        [*sequence_figures(SERIES), *error_figures(SERIES), *effort_figures(SERIES // 4), *steadiness_figures(SERIES)]
+        [
+            *sequence_figures(SERIES),
+            *rare_figures(SERIES),
+            *error_figures(SERIES),
+            *effort_figures(SERIES // 4),
+            *steadiness_figures(SERIES),
+        ]
     )
 
 

@@ -31,7 +31,7 @@ _EXPLANATIONS = {
     INVALID_TASK_INDEX: (
         "MMCSS refused the task index 0, which asks for a new task. Restart Windows, and with it MMCSS."
     ),
-    THREAD_ALREADY_IN_TASK: "the thread is in a task class already. A thread has one at a time: leave the other first.",
+    THREAD_ALREADY_IN_TASK: "the thread is already in a task class. Leave it first.",
     PRIVILEGE_NOT_HELD: (
         "the account lacks a privilege. On Windows give it the right to increase scheduling priority, or use another. "
         "On Linux it takes CAP_SYS_NICE or a limit `rtprio`, and in a control group of version 1 a budget above 0 in "
@@ -124,10 +124,10 @@ elif sys.platform == "linux":
             if found is not None:
                 return int(found["priority"]), int(found["affinity"])
         except (ValueError, KeyError, TypeError, AttributeError) as problem:
-            raise CannotJoin(name, 0, f"{CLASSES_VARIABLE} is not as rarms writes it: {problem!r}") from problem
+            raise CannotJoin(name, 0, f"{CLASSES_VARIABLE} cannot be read: {problem!r}") from problem
         raise CannotJoin(name, INVALID_TASK_NAME)
 
 else:
 
     def _join(name: str) -> Callable[[], object]:
-        raise CannotJoin(name, 0, f"there are task classes on Windows and Linux, not on {sys.platform}")
+        raise CannotJoin(name, 0, f"task classes exist on Windows and Linux, not on {sys.platform}")

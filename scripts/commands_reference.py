@@ -23,7 +23,7 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 | 1 | the tool or a host failed, or a host cannot be reached |
 | 2 | `plan --detailed-exitcode`: changes; `validate`, `doctor`: errors; `fmt --check`, `drift`: not as it should be |
 | 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
-| 4 | the answer is no: errors in the manifest (any command but `validate`), it does not fit |
+| 4 | no result: errors in the manifest (any command but `validate`), or the reservations do not fit |
 | 5 | `drift`: only not applied yet |
 | 64 | wrong usage, or a name that neither the manifest nor a host has |
 | 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
@@ -32,10 +32,10 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 `undo` finishes an unfinished undo. So a command that was killed can be run again, and its exit code is 0 when the work
 is done, whichever of the two runs did it.
 
-Where there is no terminal nothing is asked, and the answer is no: exit code 64 before anything is done, and 3 where
-`measure` or `tune` finds partitions that run. Each question has its own way to say yes:
+Without a terminal rarms does not ask. The exit code is then 64 before anything is done, and 3 if `measure` or `tune`
+finds partitions that run. Each question has its own option to consent:
 
-| what is asked | where | how to say yes |
+| question | commands | consent |
 |---|---|---|
 | whether it is done | what shows a plan: `apply`, `undo`, `stop`, `destroy` and others | `--auto-approve` |
 | whether partitions are stopped while it is measured | `measure`, `tune` | `--stop-partitions` |

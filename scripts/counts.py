@@ -1,6 +1,6 @@
 """Print the size of the code base: finding ids, dataclasses, modules, lines by room, and what one plan runs.
 
-Lines are those with code: no blank lines, comments or docstrings.
+It also counts words that the style guide replaces. Lines are those with code: no blank lines, comments or docstrings.
 """
 
 import ast
@@ -22,11 +22,19 @@ from rarms_iac.cli.main import main as rarms
 PACKAGE = Path("rarms_iac")
 OTHERS = (Path("tests"), Path("benchmarks"), Path("scripts"))
 NO_CODE = frozenset({COMMENT, DEDENT, ENCODING, ENDMARKER, INDENT, NEWLINE, NL})
+WORDS = {
+    "beside": r"\bbeside\b",
+    "is no X": r"\bis no [a-z]",
+    "anew, mend, rests on, stands up to": r"\b(anew|mends?|rests on|stands up to)\b",
+    "takes back, told, stranger": r"\b(takes back|told|strangers?)\b",
+}
+READ = {".py", ".md", ".j2", ".psm1", ".ps1", ".html", ".js"}
+"""The endings of files of the package, the templates and the docs that people read."""
 CELL = ["plan", "-f", "manifests/hyperv-cell", "--snapshot", "cell=manifests/hyperv-cell/host.json"]
 
 
 def code_lines(path: Path) -> int:
-    """Return how many lines of a module have code."""
+    """Return the number of lines of a module that have code."""
     with path.open("rb") as file:
         lines = {
             line
@@ -44,13 +52,13 @@ def code_lines(path: Path) -> int:
 
 
 def dataclasses_in(path: Path) -> int:
-    """Return how many classes of a module are made by the decorator."""
+    """Return the number of classes of a module that the decorator makes."""
     classes = (node for node in ast.walk(ast.parse(path.read_bytes())) if isinstance(node, ast.ClassDef))
     return sum("dataclass" in ast.unparse(each) for node in classes for each in node.decorator_list)
 
 
 def run_by_a_plan() -> tuple[int, int, int]:
-    """Return how many functions, class bodies and modules of the package `rarms plan` of the sample cell runs.
+    """Return the number of functions, class bodies and modules that `rarms plan` of the sample cell runs.
 
     A class body runs once, when its module is imported.
     """
@@ -73,10 +81,29 @@ def run_by_a_plan() -> tuple[int, int, int]:
 
 
 def hops() -> int:
-    """Return how many hops of a reservation docs/architecture.md lists."""
+    """Return the number of hops of a reservation that docs/architecture.md lists."""
     text = Path("docs/architecture.md").read_text(encoding="utf-8")
     _, _, section = text.partition("## One reservation")
     return len(re.findall(r"^\d+\. ", section.partition("\n## ")[0], re.MULTILINE))
+
+
+def uses(pattern: str) -> int:
+    """Return how often the package, the templates and the docs have a pattern."""
+    folders = (PACKAGE, Path("templates"), Path("docs"))
+    files = (path for folder in folders for path in folder.rglob("*") if path.suffix in READ)
+    return sum(len(re.findall(pattern, path.read_text(encoding="utf-8"), re.IGNORECASE)) for path in files)
+
+
+def short_args() -> int:
+    """Return the number of `Args` entries of at most four words without a unit: they say no more than the name."""
+    entries = (
+        line.partition(": ")[2]
+        for path in PACKAGE.rglob("*.py")
+        for section in re.findall(r"^ +Args:\n((?: {8,}\S.*\n)+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        for line in section.splitlines()
+        if re.match(r" +\w+: ", line)
+    )
+    return sum(len(entry.split()) <= 4 and not re.search(r"bytes|seconds|columns|UTC", entry) for entry in entries)
 
 
 def main() -> None:
@@ -98,6 +125,9 @@ def main() -> None:
         table.add_row(f"  {room}", str(lines))
     for folder in OTHERS:
         table.add_row(f"lines of {folder}", str(sum(map(code_lines, folder.rglob("*.py")))))
+    for name, pattern in WORDS.items():
+        table.add_row(f"uses of: {name}", str(uses(pattern)))
+    table.add_row("entries of Args without a fact", str(short_args()))
     show(table)
 
 

@@ -194,7 +194,7 @@ def _description(value: Schema, document: Schema) -> str:
 
 
 def _kind(value: Schema, document: Schema) -> str:
-    """Return what a value looks like, in a few words."""
+    """Return the form of a value, in a few words."""
     if "$ref" in value:
         name = value["$ref"].removeprefix("#/$defs/")
         schema = document["$defs"][name]

@@ -36,7 +36,7 @@ RUNS: tuple[tuple[str, str, str], ...] = (
 
 
 def on_a_terminal(words: str, folder: str, stream: str) -> str:
-    """Return what the command writes to one of its streams, a terminal of 80 columns, colours included."""
+    """Return a command's output on one of its streams, a terminal of 80 columns, with colours."""
     leader, follower = pty.openpty()
     tty.setraw(follower)  # no carriage returns before line ends
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 50, WIDTH, 0, 0))

@@ -49,9 +49,11 @@ from rarms_iac.model.system import (
     RunsOn,
     Simulation,
     StartMode,
+    StartRequest,
     System,
     TaskCategory,
     TaskRequest,
+    ThreadsTask,
     Threshold,
 )
 
@@ -90,12 +92,24 @@ def at_least(value: float | str | Fraction) -> AtLeast:
     return AtLeast(value=Fraction(value))
 
 
-def a_cpu(*, reserve: str | None = "20 %", limit: str | None = None, weight: int | None = None) -> CpuRequest:
-    """What is fixed of the CPU; `reserve="measured"` leaves it to the data log, `None` to the planner."""
+def a_cpu(
+    *,
+    reserve: str | None = "20 %",
+    limit: str | None = None,
+    weight: int | None = None,
+    starting: tuple[str, str] | None = None,
+) -> CpuRequest:
+    """What is fixed of the CPU; `reserve="measured"` leaves it to the data log, `None` to the planner.
+
+    `starting` is the reserve for the time of a start, and that time.
+    """
     return CpuRequest(
         reserve=Measured.MEASURED if reserve == "measured" else None if reserve is None else cpu_amount(reserve),
         limit=None if limit is None else cpu_amount(limit),
         weight=weight,
+        starting=None
+        if starting is None
+        else StartRequest(reserve=cpu_amount(starting[0]), time=milliseconds(starting[1])),
     )
 
 
@@ -138,7 +152,7 @@ def a_component(
     together: Iterable[str] = (),
     apart: Iterable[str] = (),
     dedicated: bool = False,
-    task: str | None = None,
+    task: str | ThreadsTask | None = None,
     hosts: Iterable[str] | None = None,
     runs_on: RunsOn = RunsOn.PARTITION,
     interference: Iterable[str] = (),

@@ -27,7 +27,7 @@ settings.load_profile("rarms")
 
 # What a shell or a test runner says of its own terminal is nothing to the commands that tests start.
 os.environ.pop("COLUMNS", None)
-SYSTEM = needs.CHECKOUT / "tests" / "system"
+SYSTEM = [needs.CHECKOUT / "tests" / name for name in ("system", "real_powershell")]
 NO_SKIPS = os.environ.get("RARMS_NO_SKIPS") == "1"
 
 
@@ -37,9 +37,9 @@ def _needed_by(item: pytest.Item) -> list[str]:
 
 @pytest.hookimpl(tryfirst=True)  # before the tests are chosen by their marks
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """Mark the tests of tests/system, and refuse a misspelt need, which would skip nothing and say nothing."""
+    """Mark the tests of `SYSTEM`, and refuse a misspelt need, which would skip nothing and say nothing."""
     for item in items:
-        if SYSTEM in item.path.parents:
+        if any(folder in item.path.parents for folder in SYSTEM):
             item.add_marker("system")
         if unknown := sorted(set(_needed_by(item)) - needs.NEEDS.keys()):
             known = ", ".join(needs.NEEDS)

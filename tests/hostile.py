@@ -34,6 +34,9 @@ HOSTILE = (
     Hostile(
         name="merge-key bomb", make=_bomb(b"a: &a {x: 1}\nb:\n  <<: [*a, *a]\n"), code="RARMS007", line=2, column=4
     ),
+    Hostile(name="alias", make=_bomb(b"a: &a x\nb: *a\n"), code="RARMS007", line=3, column=4),
+    Hostile(name="anchor of a text", make=_bomb(b"a: &a x\n"), code="RARMS007", line=2, column=4),
+    Hostile(name="tag of a text", make=_bomb(b"a: !!str 1\n"), code="RARMS007", line=2, column=4),
     Hostile(name="duplicate keys", make=_bomb(b"a: 1\na: 2\n"), code="RARMS007", line=3),
     Hostile(name="duplicate keys, one quoted", make=_bomb(b"a: 1\n'a': 2\n"), code="RARMS007", line=3),
     Hostile(name="tag", make=_bomb(b"a: !!python/object/apply:os.system [ls]\n"), code="RARMS007", line=2, column=4),

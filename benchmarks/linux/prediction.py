@@ -1,7 +1,7 @@
 """Whether the simulated host foretells the least reservation on this Linux: `-m benchmarks.linux.prediction`.
 
 Ten programs of known kinds run alone first: what a job consumes and how long it waits is their demand. With it the
-simulated host says from which reservation on the mean response time is short enough; then real runs beside a busy loop
+simulated host says from which reservation on the mean response time is short enough; then real runs with a busy loop
 on each processor say so. Needs root, three minutes, and a quiet machine.
 """
 
@@ -115,7 +115,7 @@ class Demand:
 
 
 def demand_of(record: Record, name: str, threads: int, period: float) -> Demand:
-    """Return what a run without anything beside it tells."""
+    """Return what a run without anything next to it tells."""
     times = [sample.response_ms for sample in series_of(name, record["series"]).samples if sample.response_ms]
     work, mean = work_of(record), statistics.fmean(times)
     return Demand(

@@ -1,4 +1,4 @@
-"""Processor time consumed beside what is reserved, on control groups of this machine: `-m benchmarks.linux.shares`.
+"""Processor time consumed next to what is reserved, on control groups of this machine: `-m benchmarks.linux.shares`.
 
 Two groups with a busy loop on each processor want everything: P1 with the reserve, P2 with the rest. Under `share` the
 weights divide; under `quota` P1 has a limit besides. Needs root. Figures are points of the host; the median of the runs
@@ -15,7 +15,7 @@ from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.trees import find_tree
 from rarms_iac.running.loads import InterferingLoad
-from rarms_iac.running.start import StartContext
+from rarms_iac.running.orders import StartContext
 
 RESERVES = (5, 20, 35, 50, 65, 80, 95)
 RUNS = 5

@@ -1,14 +1,16 @@
-"""Writes docs/figures/*.svg and docs/paper-figures.md: the paper's figures on the simulated host, beside its numbers.
+"""Writes docs/figures/*.svg and docs/paper-figures.md: the paper's figures on the simulated host, next to its numbers.
 
 The same code gives the same bytes; tests hold the numbers with fewer jobs.
 """
 
+import subprocess
 from pathlib import Path
 
 from benchmarks.paper.drawing import Chart, draw
 from benchmarks.paper.experiments import FDP, PPP, SRP, VSP, Loaded, figure_1, figure_3, figure_3_together, figure_4
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+SOURCES = ("rarms_iac/providers/simulated", "benchmarks/paper", "manifests/delivery-robot")
 SEEDS = (1, 2, 3)
 JOBS = 300
 UNTIL_MS = 20_000.0
@@ -42,6 +44,12 @@ def main() -> None:
     _write(DOCS / "figures" / "figure-3.svg", draw(_chart_3(three)))
     _write(DOCS / "figures" / "figure-4.svg", draw(_chart_4(four)))
     _write(DOCS / "paper-figures.md", "\n".join(_page(first, three, together, four)))
+
+
+def _commit() -> str:
+    """Return the last commit that changed what the figures are made of: the same code gives the same bytes."""
+    words = ["git", "log", "-1", "--format=%h", "--abbrev=9", "--", *SOURCES]
+    return subprocess.run(words, check=True, capture_output=True, text=True, cwd=DOCS.parent).stdout.strip()
 
 
 def _write(path: Path, text: str) -> None:
@@ -98,6 +106,7 @@ def _page(
         "shared says [scheduling-model.md](scheduling-model.md). One set of parameters serves all figures: only what",
         "the paper varied differs. Means of "
         f"{JOBS} jobs (Fig. 3: of {UNTIL_MS / 1000:g} s) for each of {len(SEEDS)} seeds.",
+        f"Run with commit {_commit()}, the last one before the run that changed the simulated host or the parameters.",
         "",
         *_table_1(curve),
         *_table_3(three),

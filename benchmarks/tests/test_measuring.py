@@ -19,10 +19,12 @@ FOUND = Answer(
     truth=40,
     highest=100,
     is_wrong=False,
+    is_conditional=False,
     needs=200,
     is_short=False,
     settings=5,
     seconds=600.0,
+    measuring_s=2.0,
     whole_host_lp=1.6,
     computed_s=36.0,
     run_as="",
@@ -53,14 +55,15 @@ def test_short_budgets_are_counted_apart() -> None:
         replace(FOUND, component="c4", reserve=90, needs=50_000, is_short=True),
     ]
 
-    by_name = {row.name: row.value for row in figures(found) if "bisection" not in row.name}
-
     rows = list(figures(found))
+    by_name = {row.name: row.value for row in rows}
+
     assert by_name["default: 4 components, wrong"] == 25
     assert by_name["  no answer, of 3 that have one"] == pytest.approx(100 / 3)
     assert (rows[4].value, rows[5].value) == (1, 2), "points too high, one that is too low counts as none"
-    assert rows[6].value == 20
-    assert [row.value for row in rows[9:12]] == [pytest.approx(0.81), pytest.approx(0.8), pytest.approx(1.6)]
+    assert [row.value for row in rows[6:8]] == [pytest.approx(2.5), 5], "in per cent of the truth"
+    assert rows[9].value == 20
+    assert [row.value for row in rows[12:15]] == [pytest.approx(0.81), pytest.approx(0.8), pytest.approx(1.6)]
     assert by_name["  of 400 such components"] == pytest.approx(4)
 
 
@@ -86,6 +89,7 @@ def test_component_is_measured_from_draw_to_answer(monkeypatch: pytest.MonkeyPat
 
     assert [(each.strategy, each.processors, each.truth) for each in found] == [
         ("default", 1, 40),
+        ("slow_job 1", 1, 40),
         ("bisection", 1, 40),
     ]
     assert all(not each.is_wrong and 40 <= each.reserve <= 46 for each in found), found

@@ -9,13 +9,16 @@ from benchmarks.verdicts import (
     KINDS,
     MEAN,
     NEAR,
+    RARE_CASES,
     RUN,
     SHAPES,
     WAYS,
     as_likely,
     case,
     effort,
+    falsely_met,
     limit_at,
+    met_at_a_look,
     sequential_in,
     series_of,
     too_much_beyond,
@@ -97,3 +100,18 @@ def test_unsteady_series_gets_no_verdict(shape: str) -> None:
     verdicts = sum(isinstance(verdict, Met | Missed) for verdict in found)
     assert named >= 0.95 * tries - 1
     assert verdicts <= 0.01 * tries + 1
+
+
+@pytest.mark.parametrize(("kind", "index"), RARE_CASES)
+def test_rare_slow_jobs_are_met_on_a_condition_alone(kind: str, index: str) -> None:
+    met, unconditional = falsely_met(kind, index, examples(10))
+
+    assert unconditional == 0
+    assert met or index != "mean_response_time", "without the condition these would be wrong"
+
+
+def test_settings_of_a_search_need_not_share_error() -> None:
+    searches = 40 * examples(10)
+    found = met_at_a_look(searches, 3, 4000, 0.001 / 0.15)
+
+    assert as_likely(found, searches, ERROR) > 0.01

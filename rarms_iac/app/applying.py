@@ -23,7 +23,6 @@ from rarms_iac.model.commands import PLAN, PLAN_OUT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, ScriptRun
-from rarms_iac.model.operation_effects import reversal
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.templates import without_signature
@@ -31,6 +30,7 @@ from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.plan_file import is_signed, is_signed_script
 from rarms_iac.storage.reading import STANDARD_INPUT
+from rarms_iac.texts.plans import reversal_title
 
 MANIFEST_CHANGED = Finding.note("RARMS371", "The manifest has changed since the plan was made")
 
@@ -52,7 +52,6 @@ def apply(
         folder: what simulated hosts lie below; None: the folder of the manifest that the plan names.
         waits: how long to wait for a held host, and for the next word of a host's script.
         control: hears of each step, and is asked after each whether to stop; the run can be finished later.
-        channels: as of `hosts.load`.
 
     Returns:
         How it ended, with the changes of each host. A refusal and a host's failure are reported here, not raised.
@@ -64,6 +63,7 @@ def apply(
     if folder is None:
         _refuse_elsewhere(plan)
     refuse_unsigned(plan)
+    refuse_provisional(plan)
     below = folder_of(plan.manifest) if folder is None else Path(folder)
     hosts = {
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
@@ -93,6 +93,18 @@ def refuse_unsigned(plan: Plan) -> None:
     wrong = [part.host.name for part in plan.hosts if not is_signed(plan.id, plan.application, part, key)]
     if wrong:
         findings = [refusals.unsigned(name, plan.id, is_begun=False) for name in wrong]
+        raise UseCaseError(Outcome.REFUSED, findings)
+
+
+def refuse_provisional(plan: Plan) -> None:
+    """Refuse a plan that sets provisional reservations on a host that is not simulated, unless it says that it may.
+
+    Raises:
+        UseCaseError: It does not say so (refused).
+    """
+    parts = [part for part in plan.hosts if part.needs_consent]
+    if parts and not plan.accepts_provisional:
+        findings = [refusals.not_accepted(plan.id, part.name, part.provisional) for part in parts]
         raise UseCaseError(Outcome.REFUSED, findings)
 
 
@@ -130,7 +142,7 @@ def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
     known, changes = started.host_plan.steps, started.host_plan.changes_by_address
     if started.run is RunKind.APPLY:
         return started.steps == known
-    undone = [reversal(step, changes) for step in known if step.undo.operation is not None]
+    undone = [step.reversed(reversal_title(step, changes)) for step in known if step.undo.operation is not None]
     return all(step in undone for step in started.steps)
 
 
@@ -138,9 +150,12 @@ def _refuse_elsewhere(plan: Plan) -> None:
     """Refuse a folder without the manifest: a new and empty simulated host would be changed there."""
     simulated = [part.host.name for part in plan.hosts if part.host.provider is ProviderKind.SIMULATED]
     if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
-        template = "The plan was made from {manifest}, which is not here, and {hosts:each} is simulated next to it."
+        template = (
+            "The plan was made from {manifest}, which does not exist here. The state of {hosts:each} is "
+            "next to that manifest."
+        )
         advice = prose(
-            "Apply the plan in the folder where it was made, or name the manifest: ",
+            "Apply the plan in the folder where it was made, or give the manifest: ",
             command("apply", "PLAN", f="MANIFEST"),
             ".",
         )
@@ -202,7 +217,7 @@ def hosts_to_apply(source: ManifestSource, selection: HostSelection) -> Hosts | 
         selection: which of its hosts are meant.
 
     Returns:
-        The manifest's hosts; or, where it has errors, the simulated hosts beside it whose last run did not end, in the
+        The manifest's hosts; or, where it has errors, the simulated hosts next to it whose last run did not end, in the
             order of their files.
 
     Raises:
@@ -239,7 +254,6 @@ def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
 
     Args:
         plan: the plan, with the name of its application.
-        source: as `manifest_of` returns it.
 
     Raises:
         UseCaseError: the manifest names another application, or wants signed plans where no key is set (refused).
@@ -255,7 +269,10 @@ def refuse_contradiction(plan: Plan, source: ManifestSource) -> None:
         return
     refusal = OTHERS_RUN.at(
         None,
-        "Plan {plan} is of the application {application:quoted}; {manifest} is that of {manifest_application:quoted}.",
+        (
+            "Plan {plan} is for the application {application:quoted}, but {manifest} describes "
+            "{manifest_application:quoted}."
+        ),
         prose("Nothing was changed. Make a new plan: ", PLAN_OUT, "."),
         plan=plan.id,
         application=plan.application,
@@ -283,7 +300,7 @@ def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ..
     note = MANIFEST_CHANGED.at(
         None,
         "{_files} has changed since plan {plan} was made. The plan is applied as it was reviewed.",
-        prose("To see what the manifest asks for now, run ", PLAN, "."),
+        prose("To see the changes for the manifest as it is now, run ", PLAN, "."),
         manifest=source.manifest,
         overlays=source.overlays,
         plan=plan.id,

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Protocol
+from fractions import Fraction
+from typing import Literal, Protocol
 
 from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
@@ -11,6 +12,7 @@ from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
+from rarms_iac.model.system import Threshold
 
 
 class StopSignal(Protocol):
@@ -34,15 +36,56 @@ class NeverStop(StopSignal):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemainingSettings:
-    """How many settings an experiment still asks for, and how long one took so far in this command."""
+    """The number of settings that an experiment still asks for, and the time that one took so far in this command."""
 
     least: int  # the running setting is one of them
     most: int
     setting_seconds: float  # on the average, by a wall clock, with all tries of one that was disturbed
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkBegun:
+    """The beginning of several units of work, such as the pass of a measurement."""
+
+    units: int
+    more_follows: bool = False  # a later pass measures the same again, more precisely
+
+
+UnitEnding = Literal[
+    "met", "provisional", "missed", "not shown yet", "no answer", "too many failed samples", "within the noise"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitValue:
+    """A measured value with its threshold, both in the index's unit."""
+
+    index: str
+    value: float
+    threshold: Threshold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedUnit:
+    """A unit of work with its result: components with one load."""
+
+    number: int  # from 1
+    of: int
+    subject: str  # the components
+    load: str  # empty: none
+    reserved_lp: Fraction | None = None  # the answer; None: there is none
+    values: tuple[UnitValue, ...] = ()  # with that reservation
+    ending: UnitEnding
+
+
 class MeasuringReporter:
     """Told what happens, as it happens; must not raise. This one drops what it is told."""
+
+    def work_begun(self, work: WorkBegun) -> None:
+        """Report that so many units of work begin."""
+
+    def unit_ended(self, unit: FinishedUnit) -> None:
+        """Report that a unit of work has its result."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Report that measuring begins, or continues after the recorded settings."""

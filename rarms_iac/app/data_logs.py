@@ -3,7 +3,7 @@
 Here and nowhere else files of measurements become values for the planner, which reads none.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
@@ -17,8 +17,8 @@ from rarms_iac.model.diagnostics import DIFFERENT, Diagnostic, Finding, Given
 from rarms_iac.model.experiment import ProcessorNumber, Used, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.setting import CONFINEMENT, GROUP_CONFINEMENT, SHORT, Setting, most_used
+from rarms_iac.model.quantities import ReservePercent, guaranteed
+from rarms_iac.model.setting import ATTACHED_CONFINEMENT, CONFINEMENT, GROUP_CONFINEMENT, SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
 from rarms_iac.model.wording import in_a_row
@@ -27,7 +27,8 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
 from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured
-from rarms_iac.statistics.curves import Curve, curve_of, highest_missed
+from rarms_iac.statistics.curves import Curve, curve_of, highest_missed, least_reserve
+from rarms_iac.statistics.first_look import least_estimated
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import (
     Changed,
@@ -38,20 +39,22 @@ from rarms_iac.storage.datalog.identity import (
     identity_of,
     present_log,
 )
-from rarms_iac.storage.datalog.log import DataLog, LogFile
+from rarms_iac.storage.datalog.log import DataLog, LogFile, Recorded
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
 
 LISTED = 4
 """Changes that one message names; more are counted."""
 
 
-def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> LogSubject:
-    """Return what a data log of these components is about.
+def subject_of(
+    system: System, host: Host, members: tuple[str, ...], interference: str, parts: int | None = None
+) -> LogSubject:
+    """Return the subject of a data log of these components.
 
     Args:
-        host: Where it is measured.
         members: Names of the components that share P1, sorted.
         interference: Name of the load in P2.
+        parts: Of P2; None: as many as the load usually has there.
 
     Returns:
         The members by sorted names, with all that a log of them depends on.
@@ -63,13 +66,21 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
         setup=experiment.setup,
         load=experiment.load,
         tasks=system.tasks,
-        confinement=GROUP_CONFINEMENT if host.provider is ProviderKind.LINUX else CONFINEMENT,
+        confinement=_confinement(host, experiment.members),
+        load_parts=parts or experiment.usual_load_parts,
         fixes_processors=experiment.fixes_processors,
     )
 
 
+def _confinement(host: Host, members: Iterable[Component]) -> str:
+    if host.provider is not ProviderKind.LINUX:
+        return CONFINEMENT
+    is_attached = any(member.run is not None and member.run.attach is not None for member in members)
+    return ATTACHED_CONFINEMENT if is_attached else GROUP_CONFINEMENT
+
+
 def path_of(folder: Path, subject: LogSubject) -> Path:
-    """Return where the data log of a subject lies.
+    """Return the path of a subject's data log.
 
     Args:
         subject: Its platform, members and load name the file.
@@ -85,7 +96,6 @@ def files_of(manifest: Manifest, most_bytes: int | None = MOST_BYTES) -> Files:
 
     Args:
         manifest: The manifest, which has the folder of its logs and that of its components' files.
-        most_bytes: As of `Files`.
     """
     return Files(manifest.folder, most_bytes=most_bytes, code=manifest.code_folder)
 
@@ -94,7 +104,7 @@ def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
     """Tell why what was once measured of these components together does not hold any more.
 
     Args:
-        manifest: The manifest, beside which its logs lie.
+        manifest: The manifest, next to which its logs lie.
         host: On which they were to be together.
         members: Names of components, sorted; the manifest may know some no longer.
 
@@ -103,7 +113,7 @@ def why_outdated(manifest: Manifest, host: Host, members: Names) -> str:
     """
     system, files = manifest.system, files_of(manifest)
     if gone := [name for name in members if name not in system.components]:
-        return f"the manifest has no {', '.join(gone)} any more"
+        return f"{', '.join(gone)} was removed from the manifest"
     reasons = (
         _why_log_outdated(subject_of(system, host, members, load), files, host) for load in system.loads_of(members)
     )
@@ -116,14 +126,14 @@ def _why_log_outdated(subject: LogSubject, files: Files, host: Host) -> str:
     except LogUnreadable:
         return "its data log is damaged"
     if file is None:
-        return "its data log is gone"
+        return "its data log does not exist"
     return "; ".join(map(str, present(file, subject, files, known_platform(host)).comparison.changed))
 
 
 def used_processors(
     system: System, host: Host, files: Files, platform_facts: ObservedPlatform, read: "_ReadLog | None" = None
 ) -> Used:
-    """Return what data logs say of the processors that components use at once on a host.
+    """Return the processors that components use at once on a host by their data logs.
 
     Args:
         host: Logs of its platform count, under any load of the manifest.
@@ -154,7 +164,7 @@ def logs_of(manifest: Manifest, host: Host, members: Names) -> tuple[Path, ...]:
     """List the paths of the data logs that decide a reservation of these components together.
 
     Args:
-        manifest: The manifest, beside which its logs lie.
+        manifest: The manifest, next to which its logs lie.
         host: On which they are to be together.
         members: Names of components of the manifest, sorted.
 
@@ -169,7 +179,7 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
     """Read what the data logs say on every host of the manifest.
 
     Args:
-        manifest: The manifest, beside which its logs lie.
+        manifest: The manifest, next to which its logs lie.
         states: What hosts look like, by name; of those that were looked at, that is compared with the logs, too.
 
     Returns:
@@ -212,9 +222,6 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
 def put_together(system: System, names: Names) -> tuple[System, Group]:
     """Put components into one partition, as those of a compound are measured.
 
-    Args:
-        names: Of its components, sorted.
-
     Returns:
         The manifest with that partition, called after the first of them, instead of those that they were in; and it.
     """
@@ -226,9 +233,6 @@ def put_together(system: System, names: Names) -> tuple[System, Group]:
 
 def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:
     """Find what a log says of each threshold of a partition.
-
-    Args:
-        log: Of its members together.
 
     Yields:
         The curve of a member's index, and its threshold.
@@ -243,12 +247,24 @@ def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: Ob
 
     NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
     below the folder is opened for an untrusted manifest.
+
+    Returns:
+        Of a load that usually runs in two parts, what was measured with one where nothing of two holds: a sweep, the
+        paper's strategy, or a host without memory for the second.
     """
-    return present_log(file, subject.setup.members, identity_of(subject, files.of(subject), {}), platform_facts)
+
+    def found(parts: int) -> Present:
+        identity = identity_of(replace(subject, load_parts=parts), files.of(subject), {})
+        return present_log(file, subject.setup.members, identity, platform_facts)
+
+    usual = found(subject.load_parts)
+    if usual.log is not None or subject.load_parts == 1:
+        return usual
+    return min(usual, found(1), key=lambda each: len(each.comparison.changed))
 
 
 def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:
-    """Return what is known of a host now, to be compared with what a data log says of it.
+    """Return the facts of a host that are known now, for a comparison with those of a data log.
 
     Args:
         facts: As it was seen; None: it was not looked at.
@@ -287,7 +303,7 @@ class _LogFolder:
 def _log_of_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: PartialPlatform
 ) -> tuple[LogOfLoad, ...]:
-    """Return what the log of each load says, or why it does not count, in the order of the loads."""
+    """Return the log of each load, or the reason why it does not count, in the order of the loads."""
     members = names_of(group.members)
     anywhere = replace(platform_facts, guest_image=None)  # a partition may have an image of its own
     used = used_processors(system, host, folder.files, anywhere, folder.read)
@@ -312,8 +328,10 @@ def _left_idle(system: System, group: Group, host: Host, logs: Sequence[Measured
     measure = command("measure", interference=BUSY_LOOP, again=BUSY_LOOP in loads)
     return DIFFERENT.at(
         None,
-        "{logs:all}: the load left more than {_short:%} of the processors idle. What is enough there need not be "
-        "enough with others.",
+        (
+            "{logs:all}: the load left more than {_short:%} of the processors idle. Under a full load the "
+            "components may need more."
+        ),
         advice_on_weak_loads(system, host, names, loads, measure),
         address=_address(group),
         logs=tuple(log.path for log in logs),
@@ -336,21 +354,41 @@ def _measured_together(
         return found
     assert found.log is not None, "else it is stale"
     log = found.log.of(number.number)
+    curves = curves_in(log, {member.name: member for member in group.members})
+    used = _used_records(log, group, curves)
     return MeasuredTogether(
         path=path,
         interference=subject.setup.interference,
         processors=number.number,
         processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
-        curves=curves_in(log, {member.name: member for member in group.members}),
+        estimated=_estimated(log, group),
+        looks=sum(record.setting.first_pass for record in log.recorded),
+        curves=curves,
         records=log,
+        used_records=used,
         others=found.others,
-        remarks=tuple(_remarks(log, found, group, path, folder.files.cut)),
+        remarks=tuple(_remarks(used, found, group, path, folder.files.cut)),
         again=_measuring(names_of(group.members)),
-        weak=any(recorded.provenance.weak_load for recorded in log.counting),
-        cpu_ms=_cpu_ms_in(log),
+        weak=any(recorded.provenance.weak_load for recorded in used),
+        cpu_ms=_cpu_ms_in(log.settings or log.estimated),
         used=most_used(recorded.setting for recorded in found.log.recorded),
     )
+
+
+def _used_records(log: DataLog, group: Group, curves: Callable[[str, str], Curve]) -> tuple[Recorded, ...]:
+    """Return the records that the answer is of: those of the first pass, too, where the others show none."""
+    apts = [(member.name, index, threshold) for member in group.members for index, threshold in member.apt.items()]
+    least = least_reserve((curves(name, index), threshold) for name, index, threshold in apts)
+    return log.estimating if least is None else log.counting
+
+
+def _estimated(log: DataLog, group: Group) -> ReservePercent | None:
+    """Return the least CR that is enough by estimates; None without a setting of the first pass."""
+    if not any(record.setting.first_pass for record in log.recorded):
+        return None
+    runs = {member.name: run_of(member) for member in group.members}
+    return least_estimated(log.estimated, runs, {member.name: member.apt for member in group.members})
 
 
 def _log_that_holds(
@@ -387,7 +425,7 @@ def _log_that_holds(
         changed = found.comparison.changed
         return without_answer(
             planning_findings.STALE,
-            "{log} no longer holds. Since it was measured, this changed: {_changed}.",
+            "{log} is not valid now. Changed since the measurement: {_changed}.",
             stale_advice(changed, members),
             changed=tuple(map(str, changed)),
             _changed=_list_some(changed),
@@ -403,10 +441,19 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
     """
     again = _measuring(members)
     if not any(change.is_of_hardware for change in changed):
-        return prose("Measure again: ", again, ". Or take the change back.")
+        return prose("Measure again: ", again, ". Or undo the change.")
+    if any(change.part == "provider" and ProviderKind.SIMULATED in {change.before, change.after} for change in changed):
+        return prose(
+            "Measurements on a simulated host never hold for a real one. Measure on this host: ",
+            again.also(again=True),
+            ". Or fix the reserve (`cpu.reserve`). A `platform: NAME` in the overlay of the simulated host keeps its "
+            "data logs apart.",
+        )
     return prose(
-        "Is this another machine? Then give its host data logs of its own: `platform: NAME`. Was this machine changed? "
-        "Then measure again: ",
+        (
+            "If this is another machine, give its host a different platform: `platform: NAME`. If this "
+            "machine was changed, measure again: "
+        ),
         again.also(again=True),
         ".",
     )
@@ -433,12 +480,12 @@ def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[st
     return curve
 
 
-def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
+def _cpu_ms_in(settings: Sequence[Setting]) -> Callable[[str], float | None]:
     """Return the processor time that a job of a component took, over all settings that can tell."""
 
     @cache
     def cpu_ms_of(component: str) -> float | None:
-        recorded = [series for setting in log.settings for series in setting.series if series.component == component]
+        recorded = [series for setting in settings for series in setting.series if series.component == component]
         with_cpu_time = [series for series in recorded if series.cpu_ms is not None and series.samples]
         jobs = sum(len(series.samples) for series in with_cpu_time)
         return sum(series.cpu_ms or 0.0 for series in with_cpu_time) / jobs if jobs else None
@@ -446,59 +493,61 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _remarks(log: DataLog, found: Present, group: Group, path: str, cut: str) -> Iterator[Diagnostic]:
-    def remark(finding: Finding, template: str, advice: Wording, **facts: Given) -> Diagnostic:
-        return finding.at(None, template, advice, address=_address(group), related=(), log=path, **facts)
+def _remarks(used: Sequence[Recorded], found: Present, group: Group, path: str, cut: str) -> Iterator[Diagnostic]:
+    remarks = (*_remarks_on_files(found, cut), *_remarks_on_conditions(used, found, group))
+    for finding, template, advice, facts in remarks:
+        yield finding.at(None, template, advice, address=_address(group), related=(), log=path, **facts)
 
+
+_Remark = tuple[Finding, str, Wording, Mapping[str, Given]]
+"""A finding on a data log without its place: template, advice and facts."""
+
+
+def _remarks_on_files(found: Present, cut: str) -> Iterator[_Remark]:
     if unverified := found.comparison.unverified:
-        yield remark(
-            NOT_VERIFIED,
-            "{log} was measured with {_files}: not looked at, since there is no such file here, or more than "
-            "{_most:bytes} would be read.",
-            "Plan where these files are, if it matters; nothing says that they changed.",
-            files=unverified,
-            _files=_list_some(unverified),
-            _most=MOST_BYTES,
+        template = (
+            "{log} was measured with {_files}. Each of these files is missing here or larger than "
+            "{_most:bytes}, so it was not compared."
         )
+        advice = "To be sure, plan on a machine that has these files."
+        yield NOT_VERIFIED, template, advice, _listed("files", unverified) | {"_most": MOST_BYTES}
     if cut:
-        yield remark(
+        template = "{log}: {reason}. rarms does not notice a change of the other files."
+        yield (
             NOT_VERIFIED,
-            "{log}: {reason}. A change of what is left out is not noticed.",
-            "Name fewer or smaller files in `run.files`, such as one folder.",
-            reason=cut,
+            template,
+            "Write fewer or smaller files in `run.files`, for example one folder.",
+            {"reason": cut},
         )
+
+
+def _remarks_on_conditions(used: Sequence[Recorded], found: Present, group: Group) -> Iterator[_Remark]:
     if differences := tuple(map(str, found.comparison.warns)):
-        yield remark(
-            DIFFERENT,
-            "{log} was measured with another {_differences}.",
-            "Measure again if that can matter to the component.",
-            differences=differences,
-            _differences=_list_some(differences),
-        )
+        template = "{log} was measured under different conditions: {_differences}."
+        advice = "If this can affect the component, measure again."
+        yield DIFFERENT, template, advice, _listed("differences", differences)
     if differences := tuple(map(str, found.other_hardware)):
-        yield remark(
-            DIFFERENT,
-            "{log} was measured on two kinds of hardware, and the later one counts: {_differences}.",
-            "Give each kind of machine data logs of its own: `platform: NAME` below its host.",
-            differences=differences,
-            _differences=_list_some(differences),
-        )
+        template = "{log} was measured on two kinds of hardware ({_differences}). Plans use the later measurements."
+        advice = "Give each kind of machine its own platform: `platform: NAME` at its host."
+        yield DIFFERENT, template, advice, _listed("differences", differences)
     if found.others:
-        yield remark(
+        advice = "No action is needed. Plans use these settings again when the conditions are the same."
+        yield (
             NOT_VERIFIED,
-            "{log} has {settings:setting} from other conditions.",
-            "Nothing has to be done. They count again when the conditions are the same again.",
-            settings=found.others,
+            "{log} has {settings:setting} that were measured under other conditions.",
+            advice,
+            {"settings": found.others},
         )
-    if running := tuple(sorted({name for recorded in log.counting for name in recorded.provenance.beside})):
+    if running := tuple(sorted({name for recorded in used for name in recorded.provenance.beside})):
         again = _measuring(names_of(group.members)).also(again=True)
-        yield remark(
-            DIFFERENT,
-            "{log} was measured while {_partitions} ran on the host.",
-            prose("Measure it once more with the host to itself, and this no longer counts: ", again, "."),
-            partitions=running,
-            _partitions=_list_some(running),
-        )
+        template = "{log} was measured while these ran on the host: {_partitions}."
+        alone = prose("Measure again while nothing else runs on the host: ", again, ".")
+        yield DIFFERENT, template, alone, _listed("partitions", running)
+
+
+def _listed(name: str, things: tuple[str, ...]) -> dict[str, Given]:
+    """Return them as a fact of a finding, and some of them as words for its template."""
+    return {name: things, f"_{name}": _list_some(things)}
 
 
 def _list_some(things: tuple[object, ...]) -> str:

@@ -1,4 +1,4 @@
-"""The logs of decisions beside the data logs: what was chosen for each CoI, and what runs of tuning measured.
+"""The logs of decisions, next to the data logs: what was chosen for each CoI, and what runs of tuning measured.
 
 A configuration log is written whenever a choice is not what it says already; the log of tuning has each run, and its
 last ones are read for reports and explanations.
@@ -15,12 +15,12 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors,
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.model.commands import command
 from rarms_iac.model.host import Host
-from rarms_iac.model.indexes import find_index, show_threshold
+from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import depends_on_a_log, names_of
+from rarms_iac.planner.reservations import depends_on_a_log, names_of, provisional_on
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.verdicts import MeasuredTogether, Names
 from rarms_iac.storage.datalog.decisions import (
@@ -34,6 +34,7 @@ from rarms_iac.storage.datalog.decisions import (
     tuning_path,
 )
 from rarms_iac.storage.datalog.files import LogUnreadable, append_to_log, configuration_path
+from rarms_iac.texts.indexes import show_threshold
 
 
 def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
@@ -42,8 +43,7 @@ def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[
     A component whose reservation is not known is left out: `rarms plan` tells why.
 
     Args:
-        manifest: The manifest, with its measurements beside it.
-        components: Names; none: all.
+        manifest: The manifest, with its measurements next to it.
 
     Returns:
         The configuration logs that were added to.
@@ -68,6 +68,8 @@ def _choices(manifest: Manifest, components: Iterable[str]) -> tuple[Path, ...]:
             if group.may_run_on(host.name):
                 platforms.setdefault(host.platform, host)
         for host in platforms.values():
+            if provisional_on(system, reservations, host, {group.name}):
+                continue  # it is not chosen yet: the later passes decide
             sized = size(group, host, reservations)
             log = reservations.log(group.members, host)
             if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and log.least is not None:
@@ -93,7 +95,7 @@ def describe_apt(component: Component) -> dict[str, str]:
 
 
 def _entries(group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Chosen, ...]:
-    """Return what was chosen for each member, with the data log that asks for it."""
+    """Return the choice for each member, with the data log that asks for it."""
     header = measured.records.header
     return tuple(
         Chosen(
@@ -103,7 +105,7 @@ def _entries(group: Group, measured: MeasuredTogether, reserve: int) -> tuple[Ch
             apt=describe_apt(member),
             partition=group.name,
             reserve=reserve,
-            task=member.task,
+            task=member.task_class,
             data_log=measured.path,
             identity=header.digest,
             setup=replace(header.setup, processors=measured.processors),
@@ -145,7 +147,7 @@ def tunings_of(manifest: Manifest) -> Iterator[PlatformTuning]:
     """Yield the last run of every platform of the manifest that has one, platforms by name.
 
     Args:
-        manifest: The manifest, with its measurements beside it.
+        manifest: The manifest, with its measurements next to it.
 
     Yields:
         A run a platform, with what does not hold any more.
@@ -167,7 +169,7 @@ def outdated_compounds(runs: Sequence[TuningRun], manifest: Manifest, host: Host
 
     Args:
         runs: Those whose compounds are meant.
-        manifest: The manifest, with its measurements beside it.
+        manifest: The manifest, with its measurements next to it.
 
     Returns:
         By the sorted names of its members, a clause for each compound that is outdated.
@@ -202,9 +204,6 @@ class PreviousTuning:
     def combined(self, members: Names) -> tuple[TuningRun, TunedPartition] | None:
         """Return the last run that put just these components together, and the partition as it left that.
 
-        Args:
-            members: sorted names.
-
         Returns:
             None where no run wrote that into the manifest.
         """
@@ -222,9 +221,6 @@ class PreviousTuning:
         """Yield the compounds with any of these that tuning measured, except that of just these, as they were asked.
 
         What a later run saw at the same reservation counts.
-
-        Args:
-            members: sorted names.
         """
         answers_of: dict[Names, dict[int, tuple[str, ...]]] = {}
         for run in self.runs:
@@ -247,7 +243,7 @@ def previous_tuning(manifest: Manifest, host: Host) -> PreviousTuning:
     """Read the log of tuning of a host's platform.
 
     Args:
-        manifest: The manifest, with its measurements beside it; what tuning measured is compared with them.
+        manifest: The manifest, with its measurements next to it; what tuning measured is compared with them.
 
     Returns:
         The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.

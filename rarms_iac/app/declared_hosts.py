@@ -44,9 +44,6 @@ from rarms_iac.planner.verdicts import NotMeasured
 def states_at_hand(manifest: Manifest) -> Mapping[str, State]:
     """Look at the hosts that are files of this machine: the simulated ones. No other is asked, and none is waited for.
 
-    Args:
-        manifest: without errors.
-
     Returns:
         By name; one whose file is damaged is left out: every command that is about hosts says so.
     """
@@ -61,9 +58,6 @@ def states_at_hand(manifest: Manifest) -> Mapping[str, State]:
 
 def totals_at_hand(manifest: Manifest) -> tuple[PlannedTotals, MeasuredReservations]:
     """Add up what a plan would have the hosts promise, by the data logs next to the manifest.
-
-    Args:
-        manifest: without errors.
 
     Returns:
         The totals of every host, and the reservations that they count. Hosts that would have to be waited for count as
@@ -111,16 +105,13 @@ LOOKED_AT = 2_000
 """Components times hosts that are looked at closely; of more, only where their sum exceeds all hosts together."""
 
 _TOO_LARGE = frozenset({OVER_HOST.code, UNUSABLE_RESERVE.code})
-_ADVICE = prose(
-    "Lower one of them, or let components share a partition; ", PLAN, " tries which change would be enough."
-)
+_ADVICE = prose("Lower one of them, or combine components in a partition; ", PLAN, " finds a change that is enough.")
 
 
 def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
     """Report what the declared hosts cannot give, and what data logs lack.
 
     Args:
-        manifest: it may have errors.
         errors: that are known already: nothing is reported again of what they are about.
 
     Yields:
@@ -206,12 +197,12 @@ def _about_logs(
                 continue
             names = to_be_measured(group.members)
             place = places.value("components", names[0], "cpu", "reserve")
-            advice = prose(MEASURE, " finds what it needs.")
+            advice = prose(MEASURE, " finds the reservation.")
             if host.provider is ProviderKind.SIMULATED and any(each.simulation is None for each in group.members):
-                advice = prose("Give it `simulation: { work: 20 ms }`, as its host is simulated; then ", advice)
+                advice = prose("Its host is simulated, so add `simulation: { work: 20 ms }`. Then ", advice)
             yield NOT_YET_MEASURED.at(
                 place,
-                "There is no data log of {components:all} on {platform} yet.",
+                "Not measured on {platform} yet: {components:all}.",
                 advice,
                 address=answer.why.address,
                 components=names,
@@ -220,7 +211,7 @@ def _about_logs(
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Diagnostic]:
-    """Return what exceeds the hosts, without the partitions that are too large anyway."""
+    """Return the findings on partitions that exceed the hosts together, without those that are too large alone."""
     reported = {group.name for group in problem.groups if _is_about(group, too_large)}
     judged = replace(problem, items=tuple(item for item in problem.items if item.name not in reported))
     return [replace(cause, advice=_ADVICE) for cause in evident_causes(judged)]

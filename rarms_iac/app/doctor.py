@@ -7,22 +7,28 @@ word of ours or a version: no text of a host or a manifest comes through.
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import Literal
 
+from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
 from rarms_iac.model.host import Connect, WinRmConnect
+from rarms_iac.model.layout import LookedUp
 from rarms_iac.model.output import output
 from rarms_iac.model.seen_host import Condition, PolicyScope, SeenHost
 from rarms_iac.model.state import HostFacts, RunState, Tie
+from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import smaller_host_findings
+from rarms_iac.planner.measured_conditions import other_governor
+from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,12 +67,14 @@ def examine_hosts(hosts: Hosts) -> Examinations:
     examined: list[SeenHost] = []
     accepted: list[Diagnostic] = []
     looked_at = tuple(_look(hosts, name) for name in hosts.chosen)
+    reservations = measured_reservations(manifest, {seen.name: seen.state for seen in looked_at})
     shared = tuple(hosts_of_one_machine(hosts.system, {seen.name: seen.state for seen in looked_at}, manifest.places))
     for seen in looked_at:
         findings, silenced = apply_acceptances(
             [
                 *(finding for finding in shared if finding.address == f"host/{seen.name}"),
                 *smaller_host_findings(seen, manifest.places),
+                *other_governor(seen, _measured_for(seen, hosts.system, reservations), manifest.places),
                 *examine(seen, manifest.places.key("hosts", seen.name)),
             ],
             manifest.system.policy,
@@ -77,6 +85,15 @@ def examine_hosts(hosts: Hosts) -> Examinations:
         examined.append(replace(seen, findings=findings))
         accepted += silenced
     return Examinations(application=hosts.system.application.name, hosts=tuple(examined), accepted=tuple(accepted))
+
+
+def _measured_for(
+    seen: SeenHost, system: System, reservations: MeasuredReservations
+) -> Sequence[tuple[tuple[str, ...], LookedUp]]:
+    """Return what data logs say of the partitions that may run on a host."""
+    groups = [group for group in groups_of(system) if depends_on_a_log(group) and group.may_run_on(seen.name)]
+    answers = [(names_of(group.members), reservations.look_up(group.members, seen.host)) for group in groups]
+    return [(names, answer) for names, answer in answers if isinstance(answer, LookedUp)]
 
 
 def _look(hosts: Hosts, name: str) -> SeenHost:
@@ -117,7 +134,7 @@ Known = str | bool | int | None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostSummary:
-    """A host as it was looked at; null: it could not be asked, or is no such host."""
+    """A host as it was looked at; null: it could not be asked, or is not such a host."""
 
     connection: Connection
     seen: Mapping[str, Known]  # of its facts and its condition, by the names of their fields

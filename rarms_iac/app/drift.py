@@ -1,7 +1,7 @@
 """Hosts compared with the manifest and with what the last apply left: drift."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
@@ -15,11 +15,14 @@ from rarms_iac.diff.drift import (
     ResourceDrift,
     drift,
     drift_of_marks,
+    lasting_settings,
     partitions_after_last_run,
+    with_lasting_settings,
     without_unfinished,
 )
 from rarms_iac.model.commands import APPLY, PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.facets import Readings
 from rarms_iac.model.journal import Journal, PastRun, RunKind, ScriptRun, history_of
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan
@@ -35,6 +38,7 @@ class ComparedHost:
     seen: Internal[SeenHost]
     drifted: tuple[ResourceDrift, ...]
     runs: Internal[tuple[PastRun, ...]] = ()  # that are remembered, of any application, the oldest first
+    starting: Internal[Mapping[str, Readings]] = field(default_factory=dict)  # as of `lasting_settings`
 
     @output
     def name(self) -> str:
@@ -123,7 +127,6 @@ def drift_of_hosts(
 
     Args:
         request: what the manifest asks for, how far its layout may disturb, and whether to search for ways out.
-        observed: the hosts by name.
         runs: the last run of each live host; None: there was none.
 
     Returns:
@@ -167,7 +170,6 @@ def look_for_drift(hosts: Hosts, *, explain: bool = False) -> DriftReport:
 
     Args:
         hosts: the chosen ones are compared; others are looked at where they can be reached, as for a plan.
-        explain: as of `plan_layout`.
 
     Returns:
         The differences by host in name order, and which runs are unfinished.
@@ -179,11 +181,13 @@ def look_for_drift(hosts: Hosts, *, explain: bool = False) -> DriftReport:
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
     request = replace(with_reservations(hosts, plan_request(hosts), states), explain=explain)
-    drifts, problems = drift_of_hosts(request, states, runs)
+    starting = {name: lasting_settings(run) for name, run in runs.items()}
+    lasting = {name: with_lasting_settings(state, starting.get(name, {})) for name, state in states.items()}
+    drifts, problems = drift_of_hosts(request, lasting, runs)
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)
     # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
-    plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL, explain=False), states).plan
+    plan = make_plan(replace(request, max_disruption=Disruption.REMOVAL, explain=False), lasting).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     seen = seen_hosts(system.hosts, system.application.name, states)
     return DriftReport(
@@ -193,6 +197,7 @@ def look_for_drift(hosts: Hosts, *, explain: bool = False) -> DriftReport:
                 seen=seen[name],
                 drifted=tuple(_with_change(resource, parts.get(name)) for resource in drifted),
                 runs=history_of(runs.get(name)),
+                starting=starting.get(name, {}),
             )
             for name, drifted in drifts.items()
             if name in hosts.chosen

@@ -20,7 +20,7 @@ from rarms_iac.model.commands import PLAN, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import Layout, PlacedPartition, describe_placement
+from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import (
     LogicalProcessors,
     guaranteed,
@@ -33,7 +33,7 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import PartitionSettings, State
 from rarms_iac.model.system import Component, Disruption, Measured, System
-from rarms_iac.model.wording import counted, in_a_row, natural_order, suggestion
+from rarms_iac.model.wording import counted, in_a_row, natural_order, quoted
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import by_name
@@ -42,20 +42,22 @@ from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured
 from rarms_iac.storage.shipped import known_codes
+from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.plans import describe_placement
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
 
 PROCESSORS_FROM = {
     ProcessorSource.MANIFEST: "manifest",
-    ProcessorSource.USED: "the most that it used at once",
+    ProcessorSource.USED: "the most processors it used at once",
     ProcessorSource.MEMBERS: "those of its components together, at most the host's",
-    ProcessorSource.HOST: "as many as the host has; how many it uses at once is not known",
+    ProcessorSource.HOST: "as many as the host has, because its use is not measured yet",
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """What the reservation of a component's partition is made of, and what was rejected."""
+    """The parts of the reservation of a component's partition, and the rejected alternatives."""
 
     kind: Literal["component"] = "component"
     component: str
@@ -74,12 +76,13 @@ def find_component(manifest: Manifest, name: str) -> Component:
     """Return a component of a manifest without errors by its name.
 
     Raises:
-        RequestError: there is none; the message offers the nearest component or finding.
+        RequestError: there is none; the message offers the nearest component or finding, and lists the components.
     """
     component = manifest.system.components.get(name)
     if component is None:
         nearest = suggestion(name, (*manifest.system.components, *known_codes()))
-        raise RequestError(f'The manifest has no component "{name}", and no finding is called so.{nearest}')
+        names = ", ".join(sorted(manifest.system.components, key=natural_order))
+        raise RequestError(f"{quoted(name)} is neither a component nor a finding.{nearest} Components: {names}.")
     return component
 
 
@@ -87,7 +90,7 @@ def explain_component(manifest: Manifest, name: str) -> Explanation:
     """Explain how a component comes to what it gets, as a plan places it.
 
     Raises:
-        RequestError: there is no such component.
+        RequestError: no such component.
         UseCaseError: its partition may run on no host (negative).
     """
     component, system = find_component(manifest, name), manifest.system
@@ -107,8 +110,8 @@ def _on_the_host(component: Component, system: System) -> Explanation:
     rows = [
         *threshold_rows(component, ""),
         ExplainedValue("host", ", ".join(host.name for host in homes) or "none", "manifest: runs_on: host"),
-        ExplainedValue("reservation", "none", "only partitions have one; it is not measured"),
-        ExplainedValue("task class", component.task or "none", "manifest"),
+        ExplainedValue("reservation", "none", "only partitions have a reservation; it is not measured"),
+        ExplainedValue("task class", component.task_class or "none", "manifest"),
     ]
     for host in homes:
         kept = show_processors(in_processors(host.keep_for_host.processor, host.logical_processors))
@@ -117,7 +120,7 @@ def _on_the_host(component: Component, system: System) -> Explanation:
         component=component.name,
         criticality=component.criticality,
         rows=tuple(rows),
-        commands=(PLAN,) if component.task else (),
+        commands=(PLAN,) if component.task_class else (),
     )
 
 
@@ -286,7 +289,7 @@ class _Case:
 
         least = None if log is None or log.least is None else of_host(guaranteed(log.least, log.processors))
         if wanted is None:
-            why = "not measured" if log is None else "no setting that was measured is enough"
+            why = "not measured" if log is None else "no measured setting is enough"
             yield ExplainedValue("reservation", "not known", why)
             return
         if self.is_fixed:
@@ -297,12 +300,12 @@ class _Case:
         elif least is not None:
             source = "the least whole per cent of its VPs at which every threshold holds"
         else:
-            source = "nothing asks for one"
+            source = "not set"
         yield ExplainedValue("reservation", of_host(wanted) if wanted else "none", source)
         settings = partition.settings
         if settings.reserve:
             lost = guaranteed(settings.reserve, settings.processors) - wanted
-            rounded = f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
+            rounded = f"rounded up by {show_processors(lost)}" if lost else "not rounded"
             given = show_reserve(settings.reserve, settings.processors)
             yield ExplainedValue("reserve", given, f"whole per cent of its VPs: {rounded}")
 
@@ -313,7 +316,7 @@ class _Case:
         source = f"with {together}" if others else "alone"
         yield ExplainedValue("partition", partition.name, source)
         if others and self.group.name in self.system.partitions:
-            value, source = _combined(previous, names) or ("by hand", "no tuning on record wrote it")
+            value, source = _combined(previous, names) or ("by hand", "not written by a recorded tuning")
             yield ExplainedValue("combined", value, f"manifest: partitions; {source}")
         for member in self.group.members:
             if wished := [name for name in member.together if name in names]:
@@ -335,7 +338,7 @@ class _Case:
     ) -> Iterator[ExplainedValue]:
         yield ExplainedValue("host", host.name, self._why_host(host, wanted, unplaced))
         if missing := sorted(self.system.hosts.keys() - self.states.keys(), key=natural_order):
-            source = "could not be looked at; the manifest alone counts"
+            source = "could not be read; only the manifest is used"
             yield ExplainedValue("not seen", ", ".join(missing), source)
         if self.layout is None:
             return
@@ -353,20 +356,20 @@ class _Case:
 
     def _why_host(self, host: Host, wanted: LogicalProcessors | None, unplaced: str) -> str:
         if self.now_on == host.name:
-            return self.bound or "it is there now"
+            return self.bound or "it is here now"
         if self.now_on:
-            return f"it is on {self.now_on} now; an apply makes it again on {host.name}"
+            return f"it is on {self.now_on} now; apply removes it there and creates it on {host.name}"
         if unplaced:
-            return "once its reservation is known" if wanted is None else unplaced
+            return "not planned until its reservation is known" if wanted is None else unplaced
         if self.layout is None:
-            return "once there is a layout"
+            return "not planned until there is a layout"
         return "" if self.layout.placement is None else describe_placement(self.layout.placement)
 
     def _not_shared(self, previous: PreviousTuning, host: Host) -> ExplainedValue:
         if not depends_on_a_log(self.group):
-            why = "its reserve is not measured"
+            why = "its reservation is not measured"
         elif previous.unreadable:
-            why = f"the log of tuning cannot be read: {previous.unreadable}"
+            why = f"the tuning log cannot be read: {previous.unreadable}"
         elif not previous.runs:
             why = f"`rarms tune` has measured nothing on {host.platform}"
         else:
@@ -374,7 +377,7 @@ class _Case:
         return ExplainedValue("other compounds", "none", why)
 
     def _elsewhere(self, here: PlacedPartition, host: Host) -> ExplainedValue:
-        """Return what it would reserve on another host, and why it is not there.
+        """Return the reservation on another host, and the reason why it is not there.
 
         The rest of the layout stays where it is.
         """
@@ -391,16 +394,18 @@ class _Case:
             why = self.bound or "there is no layout to compare with"
         elif not fits(seen.capacity, (*seen.claims, *(other.claim for other in (*neighbours, there)))):
             names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
-            why = f"no room with {in_a_row(names)}" if names else "no room"
+            why = f"no room together with {in_a_row(names)}" if names else "no room"
         elif there.reserved > here.reserved:
             why = f"{here.host} needs less"
         else:
-            why = f"it has room; what is on {here.host} stays there, then names decide"
+            why = (
+                f"it has room, but partitions that are on {here.host} stay there; otherwise the order of names decides"
+            )
         return ExplainedValue(name, show_processors(there.reserved), why)
 
 
 def _combined(previous: PreviousTuning, members: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return what tuning wrote there, and which run did."""
+    """Return the combination that tuning wrote there, and its run."""
     combined = previous.combined(members)
     if combined is None:
         return None

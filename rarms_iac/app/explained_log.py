@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
-from rarms_iac.model.indexes import index_named, show_threshold, show_value
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.model.wording import counted, in_a_row
@@ -11,6 +11,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import Curve, highest_missed, holds
 from rarms_iac.statistics.distributions import describe_extreme
+from rarms_iac.texts.indexes import show_threshold, show_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ def _falls_short(group: Group, log: MeasuredTogether, reserve: int) -> bool:
 
 
 def _index_rows(component: Component, group: Group, log: MeasuredTogether, reserve: int) -> Iterator[ExplainedValue]:
-    """Yield what the curves have there, those that end elsewhere left out."""
+    """Yield the values of the curves there, without curves that end elsewhere."""
     for member in group.members:
         of = "" if member is component else f" of {member.name}"
         for index, threshold in member.apt.items():
@@ -86,6 +87,7 @@ def _origin_rows(loads: Sequence[str], log: MeasuredTogether, *, is_used: bool) 
         counted(len(log.measured), "setting"),
         *([" to ".join(dict.fromkeys((times[0], times[-1])))] if times else []),
     ]
+    parts += [f"{counted(log.looks, 'setting')} of the first pass"] if log.looks else []
     parts += [f"{log.others} more from other conditions"] if log.others else []
     parts += [] if is_used else ["not used"]
     yield ExplainedValue("data log", log.path, ", ".join(parts))
@@ -98,7 +100,7 @@ def _origin_rows(loads: Sequence[str], log: MeasuredTogether, *, is_used: bool) 
         f"{platform.processor or 'no processor model'}, scheduler {platform.scheduler.value}{build}",
     )
     others = [load for load in loads if load != log.interference]
-    source = f"asks for most; {in_a_row(others)} for no more" if others else ""
+    source = f"needs the most; {in_a_row(others)} need no more" if others else ""
     yield ExplainedValue("load", log.interference, source)
 
 
@@ -113,7 +115,7 @@ def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str
         return show_value(index_named(index), value, threshold)
 
     point, estimate = curve.value_at(reserve), curve.estimate_at(reserve)
-    assert point is not None, "who asks has looked"
+    assert point is not None, "the caller has the curve"
     seen = (estimate or point).value
     met = holds(curve, threshold, reserve)
     if index_named(index).is_extreme:
@@ -126,7 +128,7 @@ def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str
 
 def _why_unknown(reserve: int, overloaded: Set[int], unclear: Sequence[int]) -> str:
     if reserve in overloaded:
-        return "missed: it falls behind its jobs"
+        return "missed: jobs arrive faster than it ends them"
     if reserve in unclear:
         return "measured, without a verdict"
     return "not measured; lower settings gave no verdict" if any(at < reserve for at in unclear) else "not measured"

@@ -6,10 +6,10 @@ from pathlib import Path
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError, conflict_finding, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.commands import RecommendedCommand, prose
-from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.writing import remove_leftovers_of_ended, replace
+from rarms_iac.texts.messages import reason_of
 
 
 def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
@@ -30,7 +30,7 @@ def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
         return read_input(path, limit)
     except (OSError, ValueError) as error:
         message = reason_of(error)
-        advice = prose("Look at the path and its rights; ", origin, " writes such a file.")
+        advice = prose("Check the path and its permissions; ", origin, " writes such a file.")
         outcome = Outcome.MISSING if isinstance(error, FileNotFoundError) else Outcome.FAILED
         raise UseCaseError(outcome, [read_finding(path, message, advice)]) from error
 
@@ -55,7 +55,7 @@ def write_file(path: str, data: bytes) -> None:
         replace(target, data, like=before)
         remove_leftovers_of_ended(target)
     except (OSError, ValueError) as error:
-        problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
+        problem = error if isinstance(error, OSError) else OSError(0, "this is not a valid file name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
 
 
@@ -83,7 +83,7 @@ def make_folder(path: str) -> None:
     try:
         make_folders(Path(path))
     except (OSError, ValueError) as error:
-        problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
+        problem = error if isinstance(error, OSError) else OSError(0, "this is not a valid folder name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
 
 

@@ -27,7 +27,7 @@ from rarms_iac.statistics.curves import components_not_shown, highest_missed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutGraph:
-    """Which component runs in which partition on which host."""
+    """Components by partition, and partitions by host."""
 
     kind: Literal["graph"] = "graph"
     application: str
@@ -53,13 +53,13 @@ def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
     """Place all components as the manifest and its data logs alone say; no host is looked at.
 
     Args:
-        manifest: with its data logs beside it.
+        manifest: with its data logs next to it.
 
     Returns:
         All hosts, with the partitions in the layout's order.
 
     Raises:
-        UseCaseError: There is no layout (negative).
+        UseCaseError: no layout (negative).
     """
     reservations = measured_reservations(manifest, {})
     planning = plan_layout(manifest.system, reservations, {}, manifest.places, explain=False)
@@ -120,10 +120,10 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
 def recorded_answers(
     manifest: Manifest, host: Host, candidates: Candidates, states: Mapping[str, State]
 ) -> tuple[Answer, ...]:
-    """Return what the valid data logs of compounds say, by the rule of a plan.
+    """Return the answers of the valid data logs of compounds, by the rule of a plan.
 
     Args:
-        manifest: The manifest, with its measurements beside it.
+        manifest: The manifest, with its measurements next to it.
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
 
     Returns:

@@ -43,23 +43,21 @@ class GuideFacts:
 
 
 def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
-    """Return what is to be set by hand for a component, on the first host by name that can have it.
+    """Return the settings to make by hand for a component, on the first host by name that can have it.
 
     Args:
-        manifest: With its data logs beside it.
+        manifest: With its data logs next to it.
 
     Returns:
         Settings in the units of their tools: whole per cent, MiB.
 
     Raises:
-        RequestError: There is no such component, or it runs on the host itself and has nothing to set up.
+        RequestError: no such component, or it runs on the host itself and has nothing to set up.
         UseCaseError: Nothing says how much it needs (negative).
     """
     system = manifest.system
     if find_component(manifest, name).runs_on is not RunsOn.PARTITION:
-        raise RequestError(
-            f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
-        )
+        raise RequestError(f"{name} runs on the host itself. It has no partition, so there is no reservation to set.")
     reservations = measured_reservations(manifest, {})
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
@@ -71,7 +69,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
 
 
 def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:
-    """Return what the class is to have in the registry, in words; every member of the partition counts for it."""
+    """Return the values of the class in the registry, in words; every member of the partition counts for it."""
     mine = (task_class for task_class in classes if task is not None and task_class.name.lower() == task.lower())
     return tuple(
         f"{name} = {value.data} ({value.kind.value})"
@@ -98,12 +96,12 @@ def _facts(
         platform=host.platform,
         settings=partition.settings,
         host_lp=host.logical_processors,
-        task=component.task,
-        task_values=_task_values(component.task, classes),
+        task=component.task_class,
+        task_values=_task_values(component.task_class, classes),
         command=_command(component),
-        depends_on=f"the least at which {log.path} meets that"
+        depends_on=f"the smallest setting of {log.path} that meets the thresholds"
         if isinstance(log, MeasuredTogether)
-        else "as the manifest fixes it",
+        else "fixed in the manifest",
         shortest_ms=_shortest(component),
     )
 

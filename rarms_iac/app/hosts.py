@@ -160,7 +160,6 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     """Choose hosts of a manifest, and read the snapshots that stand for some of them.
 
     Args:
-        manifest: without errors.
         selection: names of hosts, none for all of them, and snapshot files.
 
     Returns:
@@ -181,8 +180,8 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     ]
     if lacking:
         raise RequestError(
-            f"With a snapshot no host is asked, and there is none of {', '.join(lacking)}: "
-            f"give `--snapshot {lacking[0]}=FILE`, or name other hosts with --host."
+            "With --snapshot, rarms does not connect to hosts, so every host needs a snapshot. Missing: "
+            f"{', '.join(lacking)}. Give `--snapshot {lacking[0]}=FILE`, or choose hosts with --host."
         )
     return Hosts(manifest=manifest, selection=selection, snapshots=snapshots)
 
@@ -223,7 +222,7 @@ def _would_be_asked(host: Host) -> bool:
 
 
 def _state_of(snapshot: Snapshot) -> State:
-    """Return what a snapshot shows; what was not read when it was taken is refused, as a live host's is."""
+    """Return the state in a snapshot; parts that were not read when it was taken are refused, as a live host's are."""
     with host_errors():
         if snapshot.unread is not None:
             raise snapshot.unread
@@ -232,9 +231,6 @@ def _state_of(snapshot: Snapshot) -> State:
 
 def observe_host(host: LiveHost) -> State:
     """Look at a live host.
-
-    Args:
-        host: need not be held.
 
     Returns:
         What is there now: one moment's state.
@@ -248,9 +244,6 @@ def observe_host(host: LiveHost) -> State:
 
 def record_host(host: LiveHost) -> bytes:
     """Look at a live host; return the bytes of a snapshot file: the host's own answer where it gives one.
-
-    Args:
-        host: need not be held.
 
     Returns:
         UTF-8 text, as `--snapshot` reads it.
@@ -317,9 +310,6 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
 def last_run(hosts: Hosts, name: str) -> Journal | ScriptRun | None:
     """Read the journal of the last run on a host.
 
-    Args:
-        name: a live host's.
-
     Returns:
         The run; None where there was none.
 
@@ -355,7 +345,6 @@ def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """Hold these hosts, taken in the order of their names.
 
     Args:
-        hosts: in any order.
         timeout_ms: how long to wait for each that another run holds; 0: not at all.
 
     Yields:

@@ -57,14 +57,14 @@ COMMAND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstallRequest:
-    """What is done on the hosts."""
+    """The request of `rarms install`."""
 
     wheels: str | None = option(
         "--wheels",
         metavar="FOLDER",
-        help="Take the wheels from this folder; pip downloads into it what it lacks. [default: download all of them]",
+        help="Use the wheels in this folder; pip downloads missing ones into it. [default: download all]",
     )
-    removing: bool = flag("--remove", help="Remove all versions of rarms from the hosts; journals stay there.")
+    removing: bool = flag("--remove", help="Remove all versions of rarms from the hosts; keep the journals.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ class BegunRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostInstallation:
-    """What became of rarms on one host."""
+    """The result of installing rarms on one host."""
 
     host: str
     before: str  # the version that was in use; empty: none
@@ -96,7 +96,7 @@ class HostInstallation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Installation:
-    """What became of rarms on the hosts, in the order in which they were asked."""
+    """The results of installing rarms on the hosts, in the order in which they were asked."""
 
     hosts: tuple[HostInstallation, ...]
     findings: tuple[Diagnostic, ...] = ()
@@ -196,10 +196,6 @@ def install(hosts: Hosts, request: InstallRequest, control: Control = UNATTENDED
 def hosts_to_change(hosts: Hosts, request: InstallRequest) -> tuple[str, ...]:
     """Find the chosen hosts that `install` would change, without changing them.
 
-    Args:
-        hosts: as of `install`.
-        request: as of `install`.
-
     Returns:
         Their names, in natural order.
 
@@ -289,7 +285,7 @@ def _install(host: "_RobotSetup", wheels: _Wheels, control: Control) -> HostInst
 
 
 def _install_job(build: str, sent: Sequence[Wheel]) -> dict[str, object]:
-    """Return what the robot is asked to do with the wheels that are sent to it."""
+    """Return the robot's job for the wheels that are sent to it."""
     unpacked = sum(wheel.installed_bytes for wheel in sent) * 3 // 2  # with the bytecode
     return {
         "action": "install",
@@ -383,7 +379,7 @@ class _RobotSetup:
 
     def _garbled(self, problem: NotDecodable) -> HostFailed:
         message = f"the answer of {self._channel.target} cannot be read: {problem}"
-        return HostFailed(self.name, message, "Look at what the host prints for each command of this user.")
+        return HostFailed(self.name, message, "Check what the host prints at the start of each command of this user.")
 
 
 def _archive(request: Mapping[str, Any], wheels: Sequence[Wheel]) -> bytes:
@@ -403,7 +399,7 @@ def _archive(request: Mapping[str, Any], wheels: Sequence[Wheel]) -> bytes:
 
 
 def _error_of(host: str, refusal: _Refusal) -> HostError:
-    """Return what a host refused, in words."""
+    """Return the error of a host that refused, in words."""
     if refusal.problem == "held":
         return HostLocked(host, refusal.owner)
     message, advice = _words(host, refusal)
@@ -420,26 +416,29 @@ def _words(host: str, refusal: _Refusal) -> tuple[str, Wording]:
                 else ""
             )
             message = f"the disk of {refusal.file or PLACES.versions} is full.{room} The version in use stays"
-            return message, prose("Make room there, then run ", again, ".")
+            return message, prose("Free space there, then run ", again, ".")
         case "digest":
-            message = f"{refusal.file} arrived with SHA-256 {refusal.found}, and {refusal.wanted} was sent"
-            return message, prose("The connection or the disk there changes data. Check them, then run ", again, ".")
+            message = f"{refusal.file} was sent with SHA-256 {refusal.wanted} and arrived with {refusal.found}"
+            return message, prose("The connection or the disk changes data. Check both, then run ", again, ".")
         case "writable":
-            message = f"{refusal.file} can be changed by users other than root, and root would run what lies there"
-            return message, f"Give it to root there: `chown root:root {refusal.file} && chmod go-w {refusal.file}`."
+            message = f"users other than root can change {refusal.file}, which root would run"
+            return message, f"Correct this on the host: `chown root:root {refusal.file} && chmod go-w {refusal.file}`."
         case "unfinished":
             runs = ", ".join(f"plan {run.plan} of rarms {run.version}" for run in refusal.runs)
-            message = f"a run is not finished there: {runs}. {_last_line(refusal.said)}".rstrip(". ")
+            message = f"a run is unfinished there: {runs}. {_last_line(refusal.said)}".rstrip(". ")
             return message, prose("End it: ", command("apply"), ", or ", command("apply", abandon=True), ".")
         case "partitions":
-            message = f"partitions of rarms are there, in {', '.join(refusal.slices)}; they would stay without it"
+            message = f"the host still has partitions of rarms, in {', '.join(refusal.slices)}"
             return message, prose("Remove them first: ", command("destroy", host=host), ".")
         case "step":
             message = f"the step {refusal.step} ended with exit code {refusal.code}: {_last_line(refusal.said)}"
-            return message, "Nothing that is in use was changed. Look at the Python there: it needs its `venv` module."
+            return (
+                message,
+                "The version in use was not changed. Check the Python on the host: it needs the module `venv`.",
+            )
         case _:
             message = f"{refusal.file} {refusal.said}".strip() or f"the installation ended early: {refusal.problem}"
-            return message, prose("Nothing that is in use was changed. Run ", again, " again.")
+            return message, prose("The version in use was not changed. Run ", again, " again.")
 
 
 def _last_line(text: str) -> str:

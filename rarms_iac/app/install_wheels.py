@@ -108,10 +108,9 @@ class Wheel:
 
 
 def pins_for(lock: str, robot: RobotPython) -> tuple[Pin, ...]:
-    """Return what the lock has for a robot, pip included, and what builds rarms left out.
+    """Return the lock's pins for a robot: with pip, and without the packages that build rarms.
 
     Args:
-        lock: the text of `LOCK`.
         robot: its markers are compared with the robot's Python.
     """
     from packaging.requirements import Requirement
@@ -153,8 +152,8 @@ def wheels_for(robot: RobotPython, folder: Path) -> tuple[Wheel, ...]:
             _download(missing, robot, folder)
             found = _wheels_in(folder, pins, robot)
     if lacking := sorted({pin.name for pin in pins} - found.keys()):
-        advice = "Look which wheels the package index has for it, or build them and name their folder with --wheels."
-        raise _incomplete(f"{folder} has no wheel of {', '.join(lacking)} for {_described(robot)}.", advice)
+        advice = "Check which wheels the package index has, or build them and give their folder with --wheels."
+        raise _incomplete(f"{folder} does not have wheels for {_described(robot)}: {', '.join(lacking)}.", advice)
     return tuple(sorted((*found.values(), own_wheel()), key=lambda wheel: wheel.name))
 
 
@@ -186,8 +185,8 @@ def _checked(path: Path, pin: Pin) -> Wheel:
     content = read_file(path, MOST_WHEEL_BYTES)
     digest = hashlib.sha256(content).hexdigest()
     if digest not in pin.digests:
-        message = f"{path} does not have a SHA-256 of {LOCK}; it has {digest}."
-        raise _incomplete(message, "Delete the file: it is damaged, or was replaced. Then run the same command again.")
+        message = f"The SHA-256 of {path} is {digest}. {LOCK} does not list it."
+        raise _incomplete(message, "The file is damaged or was replaced. Delete it, then run the same command again.")
     return Wheel(name=path.name, digest=digest, content=content)
 
 
@@ -211,8 +210,10 @@ def _download(pins: Sequence[Pin], robot: RobotPython, folder: Path) -> None:
         message = f"pip cannot get the wheels for {_described(robot)}: {' '.join(said[-_LAST_LINES:])}"
         raise _incomplete(
             message[:1_000],
-            f"See that `{sys.executable} -m pip` reaches its index. Without an index, name a folder that has the "
-            "wheels with --wheels.",
+            (
+                f"Check that `{sys.executable} -m pip` reaches its index. Without an index, give a folder of "
+                "wheels with --wheels."
+            ),
         )
 
 
@@ -253,7 +254,7 @@ def own_wheel() -> Wheel:
 
 
 def _metadata(folder: str) -> Mapping[str, bytes]:
-    """Return what makes files a wheel; its dependencies are the lock's."""
+    """Return the metadata of a wheel; its dependencies are the lock's."""
     texts = {
         "METADATA": f"Metadata-Version: 2.1\nName: rarms-iac\nVersion: {__version__}\nLicense: Apache-2.0\n",
         "WHEEL": "Wheel-Version: 1.0\nGenerator: rarms\nRoot-Is-Purelib: true\nTag: py3-none-any\n",

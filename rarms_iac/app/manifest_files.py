@@ -88,7 +88,7 @@ class WrittenFiles:
 
 
 SCHEMA_NAME = "rarms.schema.json"
-"""The file beside a manifest that its first line names: what an editor checks it against, also without a network."""
+"""The file next to a manifest that its first line names: what an editor checks it against, also without a network."""
 
 
 GIT_ATTRIBUTES = ".gitattributes"
@@ -116,7 +116,7 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
     """
     if name is not None and not is_name(name):
         raise RequestError(
-            f"{quoted(name)} cannot be an application's name: small letters, digits and hyphens, 63 at most."
+            f"{quoted(name)} is not a valid application name. Use small letters, digits and hyphens, at most 63."
         )
     path = Path(folder) / DEFAULT_NAME
     if (path.exists() or path.is_symlink()) and not _is_blank(path):
@@ -178,7 +178,7 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileEdit:
-    """What a file of a manifest holds, and what it is to hold."""
+    """The old and the new text of a manifest's file."""
 
     file: str
     before: str
@@ -195,7 +195,7 @@ def write_edits(edits: Sequence[FileEdit]) -> None:
     changed = [edit for edit in edits if edit.after != edit.before]
     for edit in changed:
         if text_of(edit.file) != edit.before:
-            raise RequestError(f"{edit.file} was changed meanwhile: nothing was written. Do it again.")
+            raise RequestError(f"{edit.file} was changed meanwhile, so nothing was written. Try again.")
     for edit in changed:
         write_file(edit.file, edit.after.encode("utf-8"))
 
@@ -211,7 +211,7 @@ def edit_levels(manifest: Manifest, levels: Sequence[tuple[Component, Performanc
         The edits, one a file, sorted; comments stay.
 
     Raises:
-        CannotFormat: A text is no manifest.
+        CannotFormat: A text is not a manifest.
     """
     before: dict[str, str] = {}
     texts: dict[str, str] = {}
@@ -236,7 +236,7 @@ def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> tuple[FileE
         What each file is to hold, by its name.
 
     Raises:
-        CannotFormat: The text is no manifest.
+        CannotFormat: The text is not a manifest.
     """
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
@@ -253,9 +253,6 @@ def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> tuple[FileE
 
 def emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     """List the entries of partitions that lose their members to a compound of another name.
-
-    Args:
-        system: Before that.
 
     Returns:
         The name of that compound, by the name of the entry, sorted.

@@ -14,10 +14,12 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, Loaded, load_system, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES, read_yaml
 from rarms_iac.model.diagnostics import Diagnostic, Places, Severity, first_of_each_kind, has_errors, in_order
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.system import Component, System
-from rarms_iac.model.wording import did_you_mean
-from rarms_iac.running.start import short_secrets
+from rarms_iac.running.as_root import components_as_root, run_as_root
+from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
+from rarms_iac.texts.messages import did_you_mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,10 +82,21 @@ def _seen_from(source: ManifestSource, system: System) -> System:
     return replace(system, hosts={**system.hosts, source.here: here})
 
 
-def unaccepted_short_secrets(manifest: Manifest, components: Iterable[Component]) -> tuple[Diagnostic, ...]:
-    """Return the findings of `short_secrets` for started components, without those that the policy accepts."""
-    found, policy = tuple(short_secrets(components, manifest.places)), manifest.system.policy
-    return apply_acceptances(found, policy, manifest.places, manifest.source.today, codes=())[0]
+def start_warnings(manifest: Manifest, components: Sequence[Component]) -> tuple[Diagnostic, ...]:
+    """Return the warnings about components that are started as processes, without those that the policy accepts."""
+    short = tuple(short_secrets(components, manifest.places))
+    as_root = components_as_root(components) if has_own_partitions(manifest.system) else ()
+    left = tuple(name for name in as_root if _unaccepted(manifest, (run_as_root((name,), manifest.places),)))
+    return (*_unaccepted(manifest, short), *((run_as_root(left, manifest.places),) if left else ()))
+
+
+def has_own_partitions(system: System) -> bool:
+    """Tell whether a host of the manifest is this machine: a Linux host without a connection."""
+    return any(host.provider is ProviderKind.LINUX and host.connect is None for host in system.hosts.values())
+
+
+def _unaccepted(manifest: Manifest, found: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+    return apply_acceptances(found, manifest.system.policy, manifest.places, manifest.source.today, codes=())[0]
 
 
 def declared_application(source: ManifestSource) -> str | None:
@@ -121,9 +134,6 @@ def _declared(source: ManifestSource, section: str) -> Iterator[Mapping[str, obj
 def declared_names(manifest: str, section: str) -> tuple[str, ...]:
     """Return the keys of a section of a manifest, which may have errors elsewhere.
 
-    Args:
-        section: as `components`.
-
     Returns:
         In the file's order; none where it cannot be read, or is standard input.
     """
@@ -142,7 +152,7 @@ _SUFFIXES = (".yaml", ".yml")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
-    """What was found, in order, each finding once; and the lines of the files."""
+    """The findings in order, each once, and the lines of the files."""
 
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...]
@@ -151,9 +161,6 @@ class Validation:
 
     def fails(self, *, strict: bool = False) -> bool:
         """Return whether there are errors, or warnings in a strict validation.
-
-        Args:
-            strict: whether warnings count.
 
         Returns:
             Whether the exit code says no; notes never make it so.
@@ -217,7 +224,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
 def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSource, ...]:
     """Find the manifests that are meant, and for each overlay the manifest that it belongs to.
 
-    An overlay is a YAML file that has sections of a manifest and no `schema`. It belongs to the `rarms.yaml` beside it,
+    An overlay is a YAML file that has sections of a manifest and no `schema`. It belongs to a `rarms.yaml` next to it,
     else to that of the nearest folder above.
 
     Args:

@@ -28,7 +28,7 @@ MOMENT_MS = 10_000
 
 @contextmanager
 def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
-    """Hold a data log, and remove what killed writers left beside it.
+    """Hold a data log, and remove what killed writers left next to it.
 
     Args:
         path: Of the log, below `measurements/` in it.
@@ -67,7 +67,7 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         try:
             held.enter_context(hold(lock, owner(), timeout_ms))
         except Locked as problem:
-            advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
+            advice = "Wait until that run ends, or let rarms wait: `--lock-timeout 60s`. Results so far are saved."
             log = f"{MEASUREMENTS}/{name}"
             refusal = LOCKED.at(None, "{owner} writes to {log}.", advice, log=log, owner=problem.owner)
             raise UseCaseError(Outcome.REFUSED, [refusal]) from None
@@ -91,8 +91,9 @@ def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:
     """
     if problem.is_conflict:
         return prose(
-            "Delete the lines that begin with <<<<<<<, |||||||, ======= or >>>>>>>, and keep all others: what both "
-            "branches measured counts. With `measurements/**/*.jsonl merge=union` in .gitattributes git does so itself."
+            "Delete the lines that begin with <<<<<<<, |||||||, ======= or >>>>>>>, and keep all others: "
+            "the results of both branches are valid. With `measurements/**/*.jsonl merge=union` in "
+            ".gitattributes, git does this itself."
         )
     return prose("Restore it from git, or ", otherwise, ".")
 
@@ -110,7 +111,7 @@ def log_errors() -> Iterator[None]:
     try:
         yield
     except LogUnreadable as problem:
-        advice = unreadable_advice(problem, "remove it: its records are then measured or written again")
+        advice = unreadable_advice(problem, "remove it, so that its records are measured or written again")
         file = problem.path.as_posix()
         refusal = UNREADABLE.at(
             None, "{file}, line {line}: {reason}.", advice, file=file, line=problem.line, reason=problem.message
@@ -169,7 +170,7 @@ def _holding(folder: Path, name: str) -> AbstractContextManager[None]:
 
 def _refused(file: str, reason: str, line: int | None = None) -> UseCaseError:
     template = "The robot's {file}, line {line}: {reason}." if line else "The robot's {file}: {reason}."
-    advice = "No record was added here. Repair or remove the file on the robot."
+    advice = "No record was copied. Repair or remove the file on the robot."
     return UseCaseError(
         Outcome.NEGATIVE, [UNREADABLE.at(None, template, advice, file=file, reason=reason, line=line or 0)]
     )

@@ -15,7 +15,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import NotMadeAgain, make_again
 from rarms_iac.model.commands import PLAN_OUT
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.wording import quoted, reason_of
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.plan_file import (
     MAX_BYTES,
     PlanFileError,
@@ -26,6 +26,7 @@ from rarms_iac.storage.plan_file import (
     write_plan,
 )
 from rarms_iac.storage.reading import read_file
+from rarms_iac.texts.messages import reason_of
 
 VARIABLE, FILE_VARIABLE = "RARMS_PLAN_KEY", "RARMS_PLAN_KEY_FILE"
 LEAST_BYTES = 16
@@ -73,21 +74,19 @@ def _key_in(name: str) -> bytes:
         return key
     if status.st_uid not in (0, os.geteuid()):
         raise RequestError(
-            f"{FILE_VARIABLE} names {name}, which belongs to another user (uid {status.st_uid}).",
+            f"{name}, the file in {FILE_VARIABLE}, belongs to another user (uid {status.st_uid}).",
             f"Run `chown {os.geteuid()} {name}`.",
         )
     if status.st_mode & _OTHERS:
         raise RequestError(
-            f"{FILE_VARIABLE} names {name}, which others than its owner may use.", f"Run `chmod 600 {name}`."
+            f"Users other than the owner can read or write {name}, the file in {FILE_VARIABLE}.",
+            f"Run `chmod 600 {name}`.",
         )
     return key
 
 
 def write_plan_file(path: str, plan: Plan) -> None:
     """Write what a plan is made of, for `read_plan_file`.
-
-    Args:
-        plan: as `planning.plan` made it.
 
     Raises:
         UseCaseError: it cannot be written (failed).
@@ -124,7 +123,9 @@ def plan_in(path: str, data: bytes) -> Plan:
         except NotMadeAgain as error:
             raise another_plan(file, error.message) from error
         if plan.id != file.id:
-            raise another_plan(file, f"it makes plan {plan.id} here, and was written for plan {quoted(file.id)}")
+            raise another_plan(
+                file, f"it was written for plan {quoted(file.id)}, but its inputs give plan {plan.id} here"
+            )
     except PlanFileError as error:
         finding = error.finding.at(None, "{file}: {reason}.", error.advice, file=path, reason=error.message)
         raise UseCaseError(Outcome.REFUSED, [finding]) from error

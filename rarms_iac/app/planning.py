@@ -147,7 +147,7 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
     if len(names) != 1:
         chosen = ", ".join(hosts.chosen)
         raise RequestError(
-            f"{len(names) or 'None'} of the hosts {chosen} has a machine {machine}: name one with --host."
+            f"Choose one host with --host: {len(names) or 'none'} of {chosen} has the machine {machine}."
         )
     return hosts.only(*names)
 
@@ -175,7 +175,7 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
         if any(vm.mark is None and vm.settings.name == partition for vm in states[name].partitions)
     ]
     if len(names) > 1:
-        raise RequestError(f"{partition} is on {in_a_row(names)}: name one of them with --host.")
+        raise RequestError(f"{partition} is on {in_a_row(names)}. Choose one with --host.")
     if not names:
         refuse_unknown_partitions(hosts, [partition])
     return hosts.only(*names)

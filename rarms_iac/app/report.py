@@ -1,4 +1,4 @@
-"""Reports and exports: every data log beside the manifest is read, and compared with what is now."""
+"""Reports and exports: every data log next to the manifest is read, and compared with what is now."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import NOT_DONE, Diagnostic, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.journal import RunKind, history_of
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_percent, show_reserve
@@ -39,15 +39,15 @@ from rarms_iac.storage.datalog.files import configuration_path, read_log
 from rarms_iac.storage.datalog.log import Header, LogFile
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
+from rarms_iac.texts.indexes import show_threshold
 
 
 def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
-    """Read what the data logs beside a manifest show.
+    """Read what the data logs next to a manifest show.
 
     Args:
         manifest: The logs lie below its folder, and are compared with what it says now.
         components: Only logs with any of these; none: all.
-        with_candidates: As of `measured_report`.
 
     Returns:
         Every log as the planner looks it up, with stale ones marked, and the totals of each platform in LPs.
@@ -102,7 +102,6 @@ def measured_report(manifest: Manifest, *, with_candidates: bool = False) -> Rep
     """Read the same of the logs alone, of which there may be none: no layout is made.
 
     Args:
-        manifest: As of `report_of_manifest`.
         with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
             consist of them; without predictions, and none where a reservation is not known yet.
 
@@ -141,7 +140,7 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
     return NOT_DONE.at(
         None,
-        "Below {measurements}/ beside the manifest there is no data log{of}.",
+        "{measurements}/ next to the manifest has no data log{of}.",
         prose("Measure first: ", command("measure", *components), "."),
         components=tuple(components),
         measurements=MEASUREMENTS,
@@ -191,7 +190,7 @@ def _reported_log(system: System, files: Files, path: Path, file: LogFile, last:
 
 
 def _proofs(manifest: Manifest, components: Sequence[str], reservations: ReservationSource) -> Iterator[ComponentProof]:
-    """Yield what components showed in the applied layout; of each host the last under each load."""
+    """Yield the proofs of components in the applied layout; of each host the last under each load."""
     system, folder = manifest.system, manifest.folder
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components, key=natural_order):
@@ -223,7 +222,7 @@ def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iter
     """Describe the difference between the threshold now and the proven one."""
     now = system.components[entry.component].apt.get(proven.index)
     if now is None:
-        yield "there is no such threshold any more"
+        yield "this threshold was removed"
     elif now != proven.threshold:
         yield f"the threshold is {show_threshold(index_named(proven.index), now)} now"
 
@@ -232,7 +231,7 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
     """Describe the difference between the layout now and the proven one."""
     host = system.hosts.get(entry.host)
     if host is None:
-        yield f"there is no host {entry.host} any more"
+        yield f"the host {entry.host} was removed"
         return
     gone = sorted(set(entry.beside) - system.components.keys(), key=natural_order)
     new = sorted(system.components.keys() - {*entry.beside, entry.component}) if len(system.hosts) == 1 else []
@@ -245,7 +244,7 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
         yield f"its partition is {group.name} now"
     partition = size(group, host, reservations)
     if not isinstance(partition, PlacedPartition):
-        yield "nothing that holds says what it reserves"
+        yield "its reservation is not known now"
     elif partition.settings.reserve != entry.reserve:
         yield f"its partition reserves {show_reserve(partition.settings.reserve, partition.settings.processors)} now"
 

@@ -1,4 +1,4 @@
-"""Data logs beside the manifest -> report model. Reads no file: the caller hands the logs down."""
+"""Data logs next to the manifest -> report model. Reads no file: the caller hands the logs down."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -129,7 +129,6 @@ def missing_on(
     """Return the verdicts on components that count in no host's total, since their reservation is not known.
 
     Args:
-        verdicts: as of `component_verdicts`.
         host: its name; only components that may run there.
     """
     missing, platform = components_without_reservation(system, planned, host), system.hosts[host].platform
@@ -137,7 +136,7 @@ def missing_on(
 
 
 def _in_order(measurements: Sequence[Measurement]) -> Sequence[Measurement]:
-    """Return what decides first; of the same components the load that decides, then the others."""
+    """Return deciding measurements first; of the same components the load that decides, then the others."""
     deciding = {(each.platform, each.components) for each in measurements if each.decides}
 
     def key(each: Measurement) -> tuple[str, bool, int, str, bool, str]:
@@ -207,7 +206,14 @@ def _capacity(
         capacity_lp=total.capacity_lp,
         fixed=tuple(
             FixedReservation(
-                name=partition.name, components=tuple(sorted(partition.components)), reserved_lp=partition.reserved
+                name=partition.name,
+                components=tuple(sorted(partition.components)),
+                reserved_lp=partition.reserved,
+                thresholds=tuple(
+                    (name, index, threshold)
+                    for name in sorted(partition.components)
+                    for index, threshold in system.components[name].apt.items()
+                ),
             )
             for partition in partitions_without_log(system, planned, hosts)
         ),
@@ -237,7 +243,7 @@ def _facts(log: DataLog, others: int) -> Iterator[tuple[str, str]]:
     yield "Limit and weight", f"{show_reserve(setup.limit, setup.processors)}, {setup.weight}"
     running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if running:
-        yield "Ran with it", ", ".join(running)
+        yield "Also running", ", ".join(running)
     yield "Conditions", log.header.digest
     if others:
         yield "Measured under other conditions", f"{counted(others, 'setting')}, not used"
@@ -266,10 +272,10 @@ def points_of(
 
 
 def point_of(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
-    """Return what one setting shows of an index of a component: value, bounds and verdict.
+    """Return value, bounds and verdict of one setting for an index of a component.
 
     Args:
-        apt: its threshold alone; empty: there is no verdict.
+        apt: its threshold alone; empty: no verdict.
     """
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge_look(series, apt, run)
@@ -304,7 +310,7 @@ def _remark(verdict: Verdict) -> str:
         case Missed(overload=Overload() as overload):
             return describe_overload(overload)
         case Met(warm_up=warm_up) | Missed(warm_up=warm_up) | WithinNoise(warm_up=warm_up):
-            return f"{warm_up} samples of warm-up left out" if warm_up else ""
+            return f"{warm_up} warm-up samples omitted" if warm_up else ""
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):
             return reason
         case TooManyFailures(failures=failed, allowed=allowed):

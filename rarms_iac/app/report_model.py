@@ -36,7 +36,7 @@ class CurveRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredPoint:
-    """What one setting showed of an index."""
+    """The result of one setting for an index."""
 
     reserve: int
     samples: int
@@ -45,7 +45,7 @@ class MeasuredPoint:
     low: OpenBound = 0.0
     high: OpenBound = 0.0
     effective: float = 0.0  # samples that count as independent
-    verdict: VerdictWord | None = None  # None: there is no threshold
+    verdict: VerdictWord | None = None  # None: no threshold
     error: float | None = None  # how probably the verdict is wrong
     remark: str = ""
     response_ms: Internal[tuple[float, ...]] = ()  # of each job that was successful
@@ -149,11 +149,12 @@ class FixedReservation:
     name: str  # of the partition
     components: tuple[str, ...]
     reserved_lp: Fraction
+    thresholds: Internal[tuple[tuple[str, str, Threshold], ...]] = ()  # component, performance index, its threshold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlatformCapacity:
-    """What the hosts of a platform can promise, and what all reservations add up to."""
+    """The capacity of a platform's hosts, and the sum of all reservations."""
 
     platform: str
     hosts: tuple[str, ...]
@@ -188,7 +189,7 @@ class PlatformCapacity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentProof:
-    """What a component showed of an index in the applied layout."""
+    """The proof of a component's index in the applied layout."""
 
     entry: Proven
     proven: ProvenIndex  # one of the entry's

@@ -14,7 +14,8 @@ from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import natural_order, quoted, suggestion
+from rarms_iac.model.wording import natural_order, quoted
+from rarms_iac.texts.messages import suggestion
 
 if TYPE_CHECKING:
     from rarms_iac.providers.interface import WaitLimits
@@ -54,8 +55,6 @@ def option(
         required: the command line has to give it; there is no default then.
         metavar: what stands for the value in the help; None: click's own word.
         read: makes the value of a word; None: as the field's type says.
-        least: of a whole number.
-        most: of a whole number.
         environment: a variable that gives it, too.
 
     Returns:
@@ -105,7 +104,9 @@ def read_time(text: str) -> int:
         return int(parse_quantity(text, Unit.TIME)[1])
     except NotAQuantity as error:
         comma = " The decimal sign is a point." if "," in text else ""
-        raise ValueError(f"{quoted(text)} is not a time as 60s; units: {', '.join(error.units)}.{comma}") from error
+        raise ValueError(
+            f"{quoted(text)} is not a time such as 60s. Units: {', '.join(error.units)}.{comma}"
+        ) from error
 
 
 def read_percent(text: str) -> int:
@@ -125,15 +126,14 @@ def read_percent(text: str) -> int:
     except NotAQuantity:
         value = None
     if value is None or value.denominator != 1 or not 1 <= value <= 100:
-        raise ValueError(f"{quoted(text)} is not a whole per cent from 1% to 100%, with its sign, as 10%.")
+        raise ValueError(
+            f"{quoted(text)} is not a whole per cent from 1% to 100%. Write it with the sign, such as 10%."
+        )
     return int(value)
 
 
 def read_day(text: str) -> date:
     """Read a day.
-
-    Args:
-        text: as `2026-01-31`.
 
     Returns:
         The day.
@@ -144,7 +144,7 @@ def read_day(text: str) -> date:
     try:
         return date.fromisoformat(text)
     except ValueError as error:
-        raise ValueError(f"{quoted(text)} is not a day as 2026-01-31.") from error
+        raise ValueError(f"{quoted(text)} is not a day such as 2026-01-31.") from error
 
 
 def read_host_name(text: str) -> str:
@@ -167,25 +167,27 @@ lock_timeout_option = partial(
     default=0,
     metavar="TIME",
     read=read_time,
-    help="Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]",
+    help="Wait this long for a host that another run has locked: 60s, 5min. [default: do not wait]",
 )
-auto_approve_option = partial(flag, "--auto-approve", help="Do not ask.")
+auto_approve_option = partial(flag, "--auto-approve", help="Do not ask for confirmation.")
 samples_option = partial(
     option,
     "--samples",
     least=2,
-    help="A search judges a setting from so many of each component on; with --from or --strategy paper it ends there. "
-    "[default: as `run.until` says]",
+    help=(
+        "Take at least this many samples of each component in a setting; with --from or --strategy "
+        "paper, exactly this many. [default: `run.until`]"
+    ),
 )
-busy_host_option = partial(flag, "--on-busy-host", help="Measure although something else runs; the data logs say so.")
+busy_host_option = partial(flag, "--on-busy-host", help="Measure even if something else runs; the data logs record it.")
 STOP_PARTITIONS = Option(
-    flags=("--stop-partitions",), help="Stop the application's own partitions meanwhile, and start them again."
+    flags=("--stop-partitions",), help="Stop the application's own partitions while measuring, then start them again."
 )
 """Whether partitions may be stopped to measure: no field of a request, as a terminal and a page ask each their way."""
 
-verbose_option = partial(option, "--verbose", "-v", default=False, help="Show every attribute, reason and step, too.")
+verbose_option = partial(option, "--verbose", "-v", default=False, help="Also show every attribute, reason and step.")
 load_host_option = partial(
-    flag, "--load-host", help="Use all idle time of the hosts; needed where there is no terminal to say so at."
+    flag, "--load-host", help="Use all idle time of the hosts; needed where standard input is not a terminal."
 )
 
 
@@ -205,25 +207,30 @@ def today_utc() -> date:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManifestFile:
-    """Which manifest."""
+    """The choice of a manifest."""
 
     manifest: str = option(
         "-f",
         "--manifest",
         metavar="PATH",
         environment="RARMS_MANIFEST",
-        help="The manifest: a file, or the folder of a rarms.yaml. RARMS_MANIFEST says it too. "
-        "[default: rarms.yaml here, or above in the same git repository]",
+        help=(
+            "The manifest: a file, or a folder with a rarms.yaml. [environment: RARMS_MANIFEST; default: "
+            "rarms.yaml here, or in a parent folder of the same git repository]"
+        ),
         default=DEFAULT_MANIFEST,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManifestSource(ManifestFile):
-    """Which manifest with which overlays, and the day by which its acceptances are judged."""
+    """The choice of a manifest and its overlays, and the day by which its acceptances are judged."""
 
     overlays: tuple[str, ...] = option(
-        "--overlay", metavar="FILE", help="A file laid over the manifest; repeatable, later wins.", default=()
+        "--overlay",
+        metavar="FILE",
+        help="An overlay file with changes to the manifest; repeatable, the last one has priority.",
+        default=(),
     )
     today: date = field(default_factory=today_utc)
     here: str = ""  # the host that is this machine, with any `connect`; empty: those without `connect`
@@ -241,7 +248,7 @@ class DatedManifestSource(ManifestSource):
                 flags=("--today",),
                 metavar="DATE",
                 read=read_day,
-                help="The day by which acceptances are judged, as 2026-01-31. [default: today in UTC]",
+                help="The date for the end of acceptances, such as 2026-01-31. [default: today in UTC]",
             )
         },
     )
@@ -262,9 +269,6 @@ class SnapshotFile:
     def parse(cls, text: str) -> "SnapshotFile":
         """Read what `--snapshot` takes.
 
-        Args:
-            text: `[HOST[.guest.PARTITION]=]FILE`.
-
         Returns:
             The file and what it stands for.
 
@@ -275,14 +279,14 @@ class SnapshotFile:
         name, _, guest = host.partition(".guest.")
         if equals and is_name(name) and (not guest or is_name(guest)):
             if not file:
-                raise ValueError(f"{quoted(text)} names no file: write {host}=FILE.")
+                raise ValueError(f"{quoted(text)} does not have a file: write {host}=FILE.")
             return cls(host=name, file=file, guest=guest)
         return cls(host="", file=text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostSelection:
-    """Which hosts, live or written down.
+    """The choice of hosts, live or as snapshots.
 
     Raises:
         RequestError: two snapshots stand for one host, or for one guest.
@@ -309,35 +313,35 @@ class SnapshotSelection(HostSelection):
         "--snapshot",
         metavar="[HOST[.guest.PARTITION]=]FILE",
         read=SnapshotFile.parse,
-        help="Look at this file instead of the host, as `rarms snapshot` or observe.ps1 wrote it; repeatable.",
+        help="Use this file of `rarms snapshot` or observe.ps1 instead of the host; repeatable.",
         default=(),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanTargets:
-    """What a plan is kept to."""
+    """The resources that a plan is kept to."""
 
     targets: tuple[str, ...] = option(
         "--target",
         metavar="ADDRESS",
-        help="Only this, as partition/vision or task/MotionControl; repeatable.",
+        help="Only this address, such as partition/vision or task/MotionControl; repeatable.",
         default=(),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanLimits(PlanTargets):
-    """How far a plan may go."""
+    """The limits of a plan: its resources, and its disruption."""
 
     max_disruption: Disruption | None = option(
-        "--max-disruption", help="Hold back what disturbs more. [default: as the policy of the manifest says]"
+        "--max-disruption", help="Hold back changes that disrupt more than this. [default: `policy.max_disruption`]"
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a run of steps is begun."""
+    """Options for the start of a run."""
 
     auto_approve: bool = auto_approve_option()
     lock_timeout_ms: int = lock_timeout_option()
@@ -345,7 +349,7 @@ class RunOptions:
         "--event-timeout",
         metavar="TIME",
         read=read_time,
-        help="Wait so long for the next word of a Hyper-V host's script. [default: 10 min]",
+        help="Wait this long for the next output of a script on a Hyper-V host. [default: 10 min]",
         default=SILENCE_MS,
     )
     out: str | None = None  # only write the plan into this file; None: do it
@@ -360,7 +364,7 @@ class RunOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRunOptions(RunOptions):
-    """How a run goes, for a command that makes its plan itself."""
+    """Options of a run, for a command that makes its plan itself."""
 
     out: str | None = option("--out", metavar="FILE", help="Only write the plan file, for `rarms apply FILE`.")
 
@@ -378,6 +382,6 @@ def refuse_unknown(names: Sequence[str], existing: Collection[str], kind: str, w
     for name in names:
         if name not in existing:
             raise RequestError(
-                f"{whose} has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
-                f"It has: {', '.join(sorted(existing, key=natural_order)) or 'none'}."
+                f"{whose} does not have the {kind} {quoted(name)}.{suggestion(name, tuple(existing))} It has: "
+                f"{', '.join(sorted(existing, key=natural_order)) or 'none'}."
             )

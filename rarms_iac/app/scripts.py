@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from rarms_iac.app.applying import refuse_provisional
 from rarms_iac.app.files import make_folder, read_input_file, write_file
 from rarms_iac.app.plan_files import plan_in, plan_key
 from rarms_iac.app.requests import refuse_unknown
@@ -17,12 +18,13 @@ from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.comparison import ScriptDifference, ScriptSteps, TextDifference, compare_steps, compare_texts
 from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import insides, render_observe, render_scripts, script_steps
 from rarms_iac.powershell.templates import MODULE_FOLDER, NEW_MODULE, ScriptForm, shipped_module, without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES
+from rarms_iac.texts.messages import suggestion
 
 OBSERVE_NAME = "observe.ps1"
 RECEIVE_NAME = "receive.ps1"
@@ -56,7 +58,7 @@ class PlanScripts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptSelection:
-    """Which scripts of a plan are meant."""
+    """The choice of a plan's scripts."""
 
     hosts: tuple[str, ...] = ()  # none: all
     guest: str = ""  # a partition; empty: the hosts' own
@@ -73,7 +75,7 @@ def plan_scripts(plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> tuple[Plan
     """
     if plan.signature and plan_key() is None:
         raise RequestError(
-            f"Plan {plan.id} was signed with a key, and so are its scripts. No key is set here.",
+            f"Plan {plan.id} and its scripts are signed with a key. No key is set here.",
             "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE.",
         )
     return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan, form)))
@@ -92,7 +94,9 @@ def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, pl
     guest = selection.guest
     if guest and guest not in guests:
         others = f"It has: {', '.join(guests)}." if guests else "It has none."
-        raise RequestError(f"The plan has no script for a guest {quoted(guest)}.{suggestion(guest, guests)} {others}")
+        raise RequestError(
+            f"The plan does not have a script for the guest {quoted(guest)}.{suggestion(guest, guests)} {others}"
+        )
     return tuple(script for script in here if script.guest == guest and script.undo is selection.undo)
 
 
@@ -105,17 +109,21 @@ def only_script(selected: Sequence[PlanScript], option: str) -> PlanScript:
     if len(selected) == 1:
         return selected[0]
     hosts = ", ".join(script.host for script in selected)
-    problem = f"those of {hosts} are meant" if selected else "the plan has none of that kind"
-    raise RequestError(f"{option} takes one script, and {problem}: choose with --host.")
+    problem = f"{hosts} have one each" if selected else "the plan has no such script"
+    raise RequestError(f"{option} takes one script, but {problem}. Choose one with --host.")
 
 
 def scripts_to_write(
-    scripts: Sequence[PlanScript], selected: Sequence[PlanScript], selection: ScriptSelection
+    plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript], selection: ScriptSelection
 ) -> tuple[PlanScript, ...]:
     """Return the scripts of a plan that are written: all of the selected hosts.
 
     Where a guest or an undo is asked for: the selected script and the one that reverses it.
+
+    Raises:
+        UseCaseError: the plan sets provisional reservations without consent (refused), as `apply` refuses it.
     """
+    refuse_provisional(plan)
     if not selection.guest and not selection.undo:
         return tuple(script for script in scripts if not selection.hosts or script.host in selection.hosts)
     pairs = {(script.host, script.guest) for script in selected}

@@ -16,7 +16,7 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
-from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
+from rarms_iac.model.indexes import PerformanceIndex, find_index, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
@@ -24,7 +24,7 @@ from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, pl
 from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import quoted
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.planning_findings import NOT_MET
@@ -33,11 +33,13 @@ from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured, decide
 from rarms_iac.statistics.curves import Curve, Point, holds
+from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.messages import suggestion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SelectedLevel:
-    """What a partition gets on a platform, so that the level holds there."""
+    """The share of a partition on a platform with which the level holds there."""
 
     platform: str
     partition: str
@@ -73,7 +75,7 @@ class Selection:
     after: Threshold
     levels: tuple[SelectedLevel, ...]  # by platform
     depends_on_a_log: bool  # else the manifest fixes the reserve
-    totals: Mapping[str, HostTotals]  # by host; none where there is no layout
+    totals: Mapping[str, HostTotals]  # by host; none without a layout
     why_no_headroom: str
     findings: tuple[Diagnostic, ...]
     file: str = ""  # of the manifest, with the level; empty: nothing was written
@@ -103,7 +105,7 @@ class BeyondMeasured(UseCaseError):
 
 
 FAR = 10
-"""So many times worse than the worst that was measured is no level that a user wants."""
+"""So many times worse than the worst that was measured is not a level that a user wants."""
 
 
 Loads = tuple[MeasuredTogether, ...]
@@ -111,11 +113,11 @@ Loads = tuple[MeasuredTogether, ...]
 
 
 def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
-    """Return what can be chosen now and what to measure for more, where no measured reservation is enough."""
+    """Return the levels that can be chosen now and the measurement for more, where nothing measured is enough."""
     higher, limit = _not_measured_yet(choice, host, loads), _limit(loads[0], host)
     easiest = _easiest(choice, loads)
     if higher is None:
-        return f"Choose an easier level{easiest}, and {limit} % of its VPs is the most that there is."
+        return f"Choose an easier level{easiest}. {limit} % of its VPs is the most that it can have."
     first, last = higher
     return prose(
         f"Choose an easier level{easiest}. Or measure higher settings, and select again: ",
@@ -157,7 +159,7 @@ def _limit(log: MeasuredTogether, host: Host) -> int:
 
 
 def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
-    """Return why the level is implausible, with plausible levels; empty if it is plausible or nothing was measured.
+    """Return the reason against the level, with plausible levels; empty if it is plausible or nothing was measured.
 
     A share cannot lie far from another.
     """
@@ -170,8 +172,8 @@ def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: S
         return ""
     lowest, highest = show_value(index, min(values)), show_value(index, max(values))
     return (
-        f"{text} lies far outside of what was measured, where {index.name} goes from {lowest} to {highest}."
-        f"{_suggest_unit(index, text, values)} If it is meant, write it into the manifest."
+        f"{text} is far outside the measured range of {index.name}, {lowest} to "
+        f"{highest}.{_suggest_unit(index, text, values)} If it is correct, write it into the manifest."
     )
 
 
@@ -195,11 +197,9 @@ class SelectRequest:
     """A level of performance that is good enough for a component."""
 
     component: str = argument()
-    level: str = option("--at", metavar="LEVEL", help='What is good enough: "100 ms", "95 %", "24 /s".', required=True)
-    index: str | None = option(
-        "--index", metavar="INDEX", help="Of which performance index, where the level fits several."
-    )
-    dry_run: bool = flag("--dry-run", help="Write nothing; show what would follow.")
+    level: str = option("--at", metavar="LEVEL", help='The threshold: "100 ms", "95 %", "24 /s".', required=True)
+    index: str | None = option("--index", metavar="INDEX", help="The performance index, if the level fits several.")
+    dry_run: bool = flag("--dry-run", help="Show the result without writing it.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,7 +225,7 @@ def select_level(manifest: Manifest, request: SelectRequest) -> Selection:
         The reservation that follows from what was measured, and what is left on the hosts.
 
     Raises:
-        RequestError: There is no such component or index, the level fits none or several of its indexes, or it lies
+        RequestError: no such component or index, the level fits none or several of its indexes, or it lies
             so far from what was measured that it must be a slip.
         UseCaseError: No measured reservation meets the level, or no data log is valid (negative); the file cannot be
             written (failed).
@@ -242,7 +242,6 @@ def propose_levels(manifest: Manifest, requests: Sequence[SelectRequest]) -> Lev
     """Work out what follows from levels that hold together: the planner sees all of them.
 
     Args:
-        manifest: It is only read.
         requests: A level each; whether they are dry runs is not looked at.
 
     Returns:
@@ -281,16 +280,16 @@ def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice
         known_index = find_index(index)
         if known_index is None:
             raise RequestError(
-                f"There is no performance index {quoted(index)}.{suggestion(index, tuple(component.apt))}"
+                f"The performance index {quoted(index)} is unknown.{suggestion(index, tuple(component.apt))}"
             )
         return _choice(component, known_index, at)
     indexes = [known_index for key in component.apt if (known_index := find_index(key)) is not None]
     if not indexes:
-        raise RequestError(f"{name} has no APT yet: say which index is meant, as in --index mean_response_time.")
+        raise RequestError(f"{name} has no APT yet. Give the index, for example --index mean_response_time.")
     fitting = [known_index for known_index in indexes if _fits(known_index, at)]
     if len(fitting) > 1:
         named = ", ".join(f"--index {known_index.name}" for known_index in fitting)
-        raise RequestError(f"{name} has several indexes that {at} could be of: say which, {named}.")
+        raise RequestError(f"{at} fits several indexes of {name}. Give one: {named}.")
     return _choice(component, fitting[0] if fitting else indexes[0], at)
 
 
@@ -377,7 +376,7 @@ def _with_level(system: System, choice: _Choice) -> System:
 def _levels(
     group: Group, system: System, reservations: MeasuredReservations, choice: _Choice
 ) -> Sequence[SelectedLevel]:
-    """Yield what the partition gets on each platform that it was measured for; hosts in the order of their names."""
+    """Yield the partition's share on each platform that it was measured for; hosts in the order of their names."""
     levels: dict[str, SelectedLevel] = {}
     for _, host in sorted(system.hosts.items()):
         if host.platform in levels or not group.may_run_on(host.name):

@@ -18,7 +18,7 @@ from rarms_iac.providers.interface import StepwiseHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntruderChange:
-    """What another tool does to a partition; nothing is written into marks or journal."""
+    """A change of a partition by another tool; nothing is written into marks or journal."""
 
     event: Literal["change"] = argument()
     partition: str = argument()
@@ -53,7 +53,7 @@ def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:
         (machine,) = resolve(host.observe().partitions, change.partition, scope)
         operations = list(_operations(change, machine.settings))
         if not operations:
-            raise RequestError("Say what changes: --reserve PERCENT, --off, --on or --remove.")
+            raise RequestError("Give a change: --reserve PERCENT, --off, --on or --remove.")
         for operation in operations:
             host.execute(operation, scope)
     return name
@@ -64,7 +64,7 @@ def _simulated(hosts: Hosts) -> Hosts:
     names = [name for name in hosts.chosen if hosts.system.hosts[name].provider is ProviderKind.SIMULATED]
     if not names:
         raise RequestError(
-            f"No chosen host is simulated ({', '.join(hosts.chosen)}): a real host is changed with its own tools."
+            f"None of the chosen hosts is simulated: {', '.join(hosts.chosen)}. Change a real host with its own tools."
         )
     return hosts.only(*names)
 

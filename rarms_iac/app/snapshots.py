@@ -50,7 +50,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
         The hosts' snapshots by name, the guests', and what reading them found.
 
     Raises:
-        UseCaseError: one cannot be read, is no snapshot, or does not say which host it stands for (failed).
+        UseCaseError: one cannot be read, is not a snapshot, or does not say which host it stands for (failed).
     """
     snapshots: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
@@ -66,7 +66,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
             raise snapshot_error(option.file, str(error)) from error
         name = option.host or _host_of(option.file, snapshot, hosts, chosen)
         if name in snapshots:
-            raise snapshot_error(option.file, f"{name} has another one already")
+            raise snapshot_error(option.file, f"{name} has more than one")
         snapshots[name] = read_script_output(data, name) or _of_host(snapshot, name)
     return Snapshots(hosts=snapshots, guests=tuple(guests))
 
@@ -92,7 +92,7 @@ def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: 
 def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
-        raise snapshot_error(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
+        raise snapshot_error(guest.file, f"{guest.host} does not have the partition {guest.partition} of {application}")
     if guest.snapshot.computer.lower() == state.facts.computer_name.lower():
         raise snapshot_error(guest.file, f"it was taken on {guest.snapshot.computer}, the host itself, not in a guest")
     inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.snapshot.tasks)
@@ -102,11 +102,11 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
 
 def _guest(option: SnapshotFile, observation: Snapshot | None) -> GuestSnapshot:
     if observation is None:
-        raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
+        raise SnapshotUnreadable("it is not the output of observe.ps1, the only way to read a guest")
     if observation.unread_in_guest is not None:
         raise SnapshotUnreadable(observation.unread_in_guest.message)
     if not observation.tasks:
-        raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
+        raise SnapshotUnreadable("it has no task classes, although every Windows has some: they were not read")
     return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, snapshot=observation)
 
 
@@ -127,7 +127,7 @@ def _host_of(file: str, snapshot: Snapshot, hosts: Sequence[str], chosen: Sequen
         return origin
     if len(chosen) == 1:
         return chosen[0]
-    raise snapshot_error(file, f"it was taken of {quoted(origin)}, which the manifest does not have")
+    raise snapshot_error(file, f"it is from {quoted(origin)}, which is not in the manifest")
 
 
 def snapshot_error(file: str, reason: str) -> UseCaseError:
@@ -147,7 +147,7 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
             command("snapshot", host="NAME", out="FILE"),
             ", or run the script of ",
             command("snapshot", script=True),
-            " there, and name its host where there are several: `--snapshot NAME=FILE`.",
+            " there. With several hosts, give the host's name: `--snapshot NAME=FILE`.",
         ),
         file=file,
         reason=reason,

@@ -39,6 +39,7 @@ class PartitionStatus:
     running: bool
     stopped_by: StoppedBy
     drift: DriftKind | None  # None: it is as it was applied, and as the manifest wants it
+    lasting_reserve: int | None = None  # that it has once its start is over, as `reserve`; None: it is not starting
 
     @output
     def reserved_lp(self) -> Fraction:
@@ -93,8 +94,13 @@ class HostOverview:
         )
 
     @output
+    def attached(self) -> str:
+        """The service or container that a measurement holds, or a killed one left held; empty: none."""
+        return self.compared.seen.state.attached if self.compared else ""
+
+    @output
     def other_drift(self) -> tuple[ResourceDrift, ...]:
-        """The drift of what is no partition there: task classes, and what is not made yet."""
+        """The drift of what is not a partition there: task classes, and what is not made yet."""
         drifted = self.compared.drifted if self.compared else ()
         shown = {*TEST_PARTITIONS, *(partition.name for partition in self.partitions)}
         return tuple(
@@ -142,7 +148,7 @@ class NextCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class History:
-    """What was applied and undone on hosts by any application; a host remembers `journal.MOST_PAST_RUNS` runs."""
+    """The runs of all applications on hosts; a host remembers `journal.MOST_PAST_RUNS` runs."""
 
     kind: Literal["history"] = "history"
     application: str
@@ -153,7 +159,7 @@ class History:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overview:
-    """How an application stands."""
+    """The status of an application."""
 
     kind: Literal["status"] = "status"
     application: str
@@ -173,12 +179,11 @@ class Overview:
 
 
 def overview_of(hosts: Hosts, report: Report | None = None, *, explain: bool = False) -> Overview:
-    """Look at the chosen hosts and at the logs beside the manifest. Changes nothing.
+    """Look at the chosen hosts and at the logs next to the manifest. Changes nothing.
 
     Args:
         hosts: one that cannot be looked at is told as such, and the others are told all the same.
         report: as `measured_report` returns it; None: the logs are read.
-        explain: as of `plan_layout`.
 
     Returns:
         Each host in name order; one that cannot be reached is told with its finding.
@@ -293,6 +298,7 @@ def _host_overview(system: System, compared: ComparedHost, held_by: str, history
                 running=partition.settings.running,
                 stopped_by=partition.mark.stopped_by if partition.mark else StoppedBy.NO_USER,
                 drift=kinds.get(name),
+                lasting_reserve=int(compared.starting[name]["reserve"]) if name in compared.starting else None,
             )
             for name, partition in sorted(seen.present.items())
             if not partition.is_test
@@ -317,18 +323,18 @@ def _next_command(
     if unfinished:
         return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
     if any(host.is_left_by_measurement for host in hosts):
-        reason = "removes the test partitions of a measurement that was cut off, and starts what it stopped"
+        reason = "removes the test partitions of an interrupted measurement, and starts the partitions that it stopped"
         return NextCommand(command=START, reason=reason)
     if any(host.problems for host in hosts):
         return None  # the advice of these problems comes first
     if any(verdict.achievement is Achievement.UNMEASURED for verdict in verdicts):
-        return NextCommand(command=MEASURE, reason="finds the reservations that are not measured yet")
+        return NextCommand(command=MEASURE, reason="measures the missing reservations")
     if any(kind.is_of_the_host for kind in kinds):
-        return NextCommand(command=DRIFT, reason="shows the changes on a host")
+        return NextCommand(command=DRIFT, reason="shows the changes")
     if not has_layout:
-        return NextCommand(command=PLAN, reason="tells why the manifest has no layout, and what would help")
+        return NextCommand(command=PLAN, reason="shows why there is no layout, and what would help")
     if kinds - {DriftKind.UNUSED}:
-        return NextCommand(command=PLAN, reason="shows what is not applied yet")
+        return NextCommand(command=PLAN, reason="shows the changes that are not applied yet")
     partitions = [partition for host in hosts for partition in host.partitions]
     return _next_proof_command(system, partitions, [proof for proof in proofs if not proof.outdated])
 
@@ -336,7 +342,7 @@ def _next_command(
 def _next_proof_command(
     system: System, partitions: Sequence[PartitionStatus], proofs: Sequence[ComponentProof]
 ) -> NextCommand | None:
-    """Return what is missing, once all is applied, until every threshold is shown to be met under every load."""
+    """Return the next command, once all is applied, until every threshold is shown to be met under every load."""
     asked = {
         (name, index, load)
         for name, component in system.components.items()
@@ -346,20 +352,20 @@ def _next_proof_command(
     missed = {proof.entry.component for proof in proofs if not proof.proven.met and not proof.proven.samples_needed}
     if missed := missed & {name for name, _, _ in asked}:
         again = command("measure", *sorted(missed), again=True, stop_partitions=True)
-        return NextCommand(command=again, reason="finds what would be enough for what missed its threshold")
+        return NextCommand(command=again, reason="finds a reservation for the components that missed their threshold")
     stopped = sorted({partition.name for partition in partitions if partition.is_stopped}, key=natural_order)
     if stopped:
-        return NextCommand(command=command("start", *stopped), reason="starts what was stopped")
+        return NextCommand(command=command("start", *stopped), reason="starts the stopped partitions")
     held = [proof for proof in proofs if proof.proven.met]
     if asked <= {(proof.entry.component, proof.index.name, proof.entry.interference) for proof in held}:
         return None
     off = sorted((partition.name for partition in partitions if not partition.running), key=natural_order)
     if off:
-        reason = "starts what does not run, so that thresholds can be proven"
+        reason = "starts partitions, so that thresholds can be proven"
         return NextCommand(command=command("start", *off), reason=reason)
     samples = max((proof.proven.samples_needed or 0 for proof in proofs if not proof.proven.met), default=0)
     if samples:
-        reason = "runs all components together again, with as many samples as may tell"
+        reason = "runs all components together again, with more samples"
         return NextCommand(command=command("prove", samples=samples), reason=reason)
     reason = "runs all components together, and compares them with their thresholds"
     return NextCommand(command=command("prove"), reason=reason)

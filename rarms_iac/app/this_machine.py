@@ -17,7 +17,7 @@ from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.interface import HostError
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.rcss import CannotJoin, robotic_task
-from rarms_iac.running.start import ProcessPlace
+from rarms_iac.running.orders import ProcessPlace
 from rarms_iac.storage.writing import owner
 
 
@@ -33,6 +33,9 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
     """
     if sys.platform == "win32":
         return _task_of(component, report)
+    if component.run is not None and component.run.attach is not None:
+        report(f"{component.name} is already running. rarms reads its samples and does not change it.")
+        return ProcessPlace()
     system, reasons = manifest.system, []
     group = next((group for group in groups_of(system) if component in group.members), None)
     hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
@@ -51,11 +54,14 @@ def find_place(manifest: Manifest, component: Component, report: Callable[[str],
         except HostError as problem:
             reasons.append(str(problem))
             continue
-        task = f" ({' '.join(place.words)})" if place.words else ""
+        words = (*place.words, *place.priority)
+        rules = [f"threads {rule.pattern} at priority {rule.priority}" for rule in place.threads]
+        told = ", ".join([" ".join(words)] * bool(words) + rules)
+        task = f" ({told})" if told else ""
         inside = f"in its partition {name} on {host.name}" if group else f"on {host.name} itself"
         report(f"{component.name} runs {inside}{task}.")
         return place
-    report(f"{component.name} runs without a reservation, with everything else: {'; '.join(reasons)}.")
+    report(f"{component.name} runs without a reservation: {'; '.join(reasons)}.")
     return ProcessPlace()
 
 
@@ -64,7 +70,7 @@ def _task_of(component: Component, report: Callable[[str], None]) -> ProcessPlac
 
     Other threads have to ask.
     """
-    task = component.task
+    task = component.task_class
     if task is None:
         return ProcessPlace()
     if component.run is None or not isinstance(component.run.start, Call):

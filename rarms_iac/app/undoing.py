@@ -43,7 +43,7 @@ class LastApply:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UndoPreview:
-    """What an undo would do on one host."""
+    """A preview of an undo on one host."""
 
     host: str
     started: RunStarted | ScriptStarted
@@ -99,12 +99,14 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
 def _different_plans(plans: Mapping[str, str]) -> RequestError:
     """Ask to undo one plan at a time; hosts with the same plan are undone together."""
-    message = "The last applies are of different plans: " + "; ".join(f"{name} {plan}" for name, plan in plans.items())
+    message = "The last applies on the hosts are from different plans: " + "; ".join(
+        f"{name} {plan}" for name, plan in plans.items()
+    )
     first, *others = (
         reduce(lambda undo, name: undo.also(host=name), [name for name, of in plans.items() if of == plan], UNDO)
         for plan in dict.fromkeys(plans.values())
     )
-    advice = prose("Take one of them back: ", first, *(part for each in others for part in (" or ", each)), ".")
+    advice = prose("Undo one of them: ", first, *(part for each in others for part in (" or ", each)), ".")
     return RequestError(f"{message}.", advice)
 
 
@@ -113,7 +115,6 @@ def preview(applies: Sequence[LastApply], *, keep: bool = False) -> Iterator[Und
 
     Args:
         applies: the last apply on each host.
-        keep: as of `undo_applies`.
 
     Yields:
         A preview for each host that has a journal, in order.
@@ -142,15 +143,12 @@ def can_keep(applies: Sequence[LastApply]) -> bool:
 def refuse_keeping(applies: Sequence[LastApply]) -> None:
     """Refuse `--keep` if an undo cannot leave the manifest's values in place of foreign ones.
 
-    Args:
-        applies: as `last_applies` returns them.
-
     Raises:
         RequestError: a host's script undoes the whole apply, the undo has begun, or another partition needs the room.
     """
     for last in applies:
         if last.journal is not None and (why := why_not_kept(last.host, last.journal)):
-            advice = prose("Run ", UNDO, ", then ", APPLY, " to set the manifest's values again.")
+            advice = prose("Run ", UNDO, ", then ", APPLY, " to restore the values of the manifest.")
             raise RequestError(f"--keep is not possible on {last.host.name}: {why}.", advice)
 
 

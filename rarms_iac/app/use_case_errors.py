@@ -14,16 +14,16 @@ from rarms_iac.model.diagnostics import (
     Sources,
     first_of_each_kind,
 )
-from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import advice_on
+from rarms_iac.texts.messages import reason_of
 
 
 class Outcome(Enum):
-    """Why there is no answer."""
+    """The reason why a command has no answer."""
 
     FAILED = "failed"  # rarms or a host failed
     REFUSED = "refused"  # a host moved, is busy or held; a plan is stale, edited or used; a run is unfinished
-    NEGATIVE = "negative"  # the answer is no: errors in the manifest, nothing fits, a threshold is out of reach
+    NEGATIVE = "negative"  # errors in the manifest, nothing fits, a threshold cannot be met
     MISSING = "missing"  # a file that was named is not there
     INTERRUPTED = "interrupted"  # a person or the system asked for an end
 
@@ -51,7 +51,7 @@ class UseCaseError(Exception):
 
 
 class RequestError(ValueError):
-    """What was asked cannot be done as it was asked: an unknown name, or values that contradict each other.
+    """A request that cannot be met as it is: an unknown name, or values that contradict each other.
 
     Nothing was done.
 
@@ -68,7 +68,7 @@ class RequestError(ValueError):
 
 NOT_WRITTEN = Finding.error("RARMS177", "A file could not be written")
 
-SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused something")
+SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused a request")
 BUG = Finding.error("RARMS199", "This is a bug in rarms")
 
 
@@ -85,7 +85,7 @@ def bug_finding(error: BaseException) -> Diagnostic:
     return BUG.at(
         None,
         "{exception}" if reason == name else "{exception}: {reason}",
-        "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
+        "Run the same command with --debug, and report the bug with the trace.",
         exception=name,
         reason=reason,
     )
@@ -101,7 +101,7 @@ def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
     Returns:
         A finding without a place.
     """
-    takes = prose(command(verb, help=True), " lists what it takes.")
+    takes = prose(command(verb, help=True), " lists its options.")
     commands = prose(command("", help=True), " lists the commands.")
     return NOT_DONE.at(None, "{reason}", sentences(advice, takes if verb else commands), command=verb, reason=message)
 
@@ -119,7 +119,7 @@ def system_finding(error: OSError) -> Diagnostic:
     return SYSTEM_REFUSED.at(
         None,
         "{_path}{reason}.",
-        advice_on(error, "Look at the path, its rights and the space on its disk; --debug shows where it happened."),
+        advice_on(error, "Check the path, its permissions and the free space on the disk; --debug shows the trace."),
         file=str(error.filename or ""),
         reason=reason_of(error),
         _path=path,
@@ -133,7 +133,10 @@ def conflict_finding(path: str) -> Diagnostic:
         A finding that tells to name another file or folder.
     """
     return NOT_WRITTEN.at(
-        None, "{file} exists already, and stays as it is.", "Name another one, or move that file away first.", file=path
+        None,
+        "{file} exists already and was not changed.",
+        "Give another name, or move that file away first.",
+        file=path,
     )
 
 
@@ -143,7 +146,7 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
     Returns:
         A finding with the system's own words.
     """
-    advice = "Name a regular file, no link, in a folder that exists and that you may write to."
+    advice = "Give a regular file in an existing folder that you may write to. Links are not allowed."
     return NOT_WRITTEN.at(None, "{file}: {reason}.", advice, file=path, reason=reason_of(error))
 
 
@@ -169,5 +172,5 @@ def declined() -> Diagnostic:
     return NOTHING_CHANGED.at(
         None,
         "The answer was not `yes`.",
-        prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
+        prose("Run the same command again and answer `yes`. ", PLAN, " only shows the changes."),
     )

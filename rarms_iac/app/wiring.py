@@ -17,7 +17,7 @@ from rarms_iac.model.system import System
 from rarms_iac.providers.channel import CommandChannel, ssh_channel
 from rarms_iac.providers.interface import HostDamaged, HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
-from rarms_iac.running.start import ProcessPlace
+from rarms_iac.running.orders import ProcessPlace
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.records import Damaged
 
@@ -67,10 +67,10 @@ def way_to_robot(host: Host) -> CommandChannel | None:
 
 
 def state_folder(host: Host) -> Path | None:
-    """Find where a host that is no simulated one keeps journal and state, so that a change of them can be noticed.
+    """Find where a host that is not a simulated one keeps journal and state, so that a change of them can be noticed.
 
     Returns:
-        A folder of this machine, which need not exist; None: it lies elsewhere, or is no folder.
+        A folder of this machine, which need not exist; None: it lies elsewhere, or is not a folder.
     """
     if host.provider is not ProviderKind.LINUX or host.connect is not None:
         return None
@@ -89,15 +89,22 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
         The names of those that it started, by slice. Each slice is as its last run's journal describes it.
 
     Raises:
-        HostError: another run holds a slice, or the machine does not start a partition.
+        HostError: another run holds a slice, or the machine does not start a partition; or, after all are started, one
+            did not give back what it had for its start.
     """
+    from rarms_iac.applying.run_steps import take_back_starts
     from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 
     started: dict[str, tuple[str, ...]] = {}
+    failed: HostFailed | None = None
     for slice_name, journal in _journals_here():
         host = LinuxHostProvider(journal.started.host_plan.host)
         with host.lock(owner, timeout_ms):
+            if (problem := take_back_starts(host, journal)) is not None:  # the partitions start all the same
+                failed = failed or HostFailed(host.name, problem.detail, problem.advice)
             started[slice_name] = host.start_after_boot()
+    if failed is not None:
+        raise failed
     return started
 
 
@@ -123,7 +130,7 @@ def _journals_here() -> Iterator[tuple[str, Journal]]:
         try:
             journal = journal_in(LocalFiles().content(path), path)
         except (Damaged, NotDecodable, OSError) as problem:
-            advice = f"Restore {path} from a copy, or move it away to go on without it."
+            advice = f"Restore {path} from a copy, or move it away to continue without it."
             raise HostDamaged(path.parent.name, f"{path} cannot be read: {problem}", advice) from problem
         if journal is not None:
             yield path.parent.name, journal
@@ -232,7 +239,7 @@ def read_script_output(data: bytes, host: str) -> Snapshot | None:
 
 
 def transport_scripts() -> dict[str, str]:
-    """Return what travels over ssh to a Hyper-V host ahead of every script of a plan, for a reader.
+    """Return the texts that travel over ssh to a Hyper-V host ahead of every script of a plan, for a reader.
 
     Returns:
         By file name, in the order in which they run: the loader, which is the command itself, and the receiver; then
@@ -249,7 +256,7 @@ def transport_scripts() -> dict[str, str]:
 
 
 def state_path(host: str, folder: Path, overlays: Sequence[str]) -> str:
-    """Return where a simulated host's file lies: one for each host name and set of overlays, as each is a machine.
+    """Return the path of a simulated host's file: one for each host name and set of overlays, as each is a machine.
 
     Args:
         overlays: paths of the overlays, in their order.

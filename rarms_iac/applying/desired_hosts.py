@@ -29,6 +29,7 @@ from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
+from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.planner.task_classes import ClassValues
 
 
@@ -39,9 +40,6 @@ def desired_hosts(
 
     The manifest is laid out on the hosts. Where everything of the application goes, or a command brings its own
     changes (import  release, stop, start), nothing is laid out, and nothing of the application is desired.
-
-    Args:
-        observed: the hosts by name.
 
     Returns:
         By name, none where no layout exists or where a host may have more than can be seen; and what was found.
@@ -97,7 +95,7 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
         replaceable=frozenset(name.lower() for name, task in system.tasks.items() if task.replace_shipped),
         unused=desired.unused,
         unnamed=desired.unnamed,
-        locate=_locator(system, request.places, desired.host, desired.classes),
+        locate=locator(system, request.places, desired.host, desired.classes),
     )
 
 
@@ -111,30 +109,40 @@ def context_of(request: PlanRequest, desired: Desired, present: Mapping[str, fro
         The context; what the plan does not remove from another host, it does not make on this one.
     """
     system, seen, observed = request.system, desired.seen, desired.seen.state
-    graces = {name: partition.stop.grace for name, partition in system.partitions.items()}
     stated = {name: partition.guest.windows_build or 0 for name, partition in system.partitions.items()}
     builds: dict[str, int] = {}
     for marked, partition in seen.present.items():
         name = system.moved.get(marked, marked)
         builds[partition.id] = partition.guest_build or stated.get(name, 0)
-        if partition.settings.running and not partition.can_be_asked:
-            graces[name] = Milliseconds(Fraction(0))
     return StepContext(
         seen=seen,
         guest_builds=builds,
-        graces=graces,
+        graces=graces_of(system, seen),
         attached={partition.id: count_disks(observed, partition.id) for partition in observed.partitions},
         restorable=_restorable(observed.of(request.application)),
         disks=_removable_disks(system, observed) if request.remove_disks else {},
         making={partition.name: partition.making for partition in desired.partitions},
-        criticality={group.name: group.criticality for group in groups_of(system)},
+        criticality=criticality_of(system),
         max_disruption=request.limit,
         remaining=_remaining(request, desired, present),
+        starting=starting_partitions(system, seen.host),
     )
 
 
+def graces_of(system: System, seen: SeenHost) -> Mapping[str, Milliseconds]:
+    """Return the grace of each partition's guest to shut down: no time if it cannot be asked to."""
+    graces = {name: partition.stop.grace for name, partition in system.partitions.items()}
+    mute = (name for name, each in seen.present.items() if each.settings.running and not each.can_be_asked)
+    return graces | {system.moved.get(name, name): Milliseconds(Fraction(0)) for name in mute}
+
+
+def criticality_of(system: System) -> Mapping[str, int]:
+    """Return the criticality of each partition: the highest of its components."""
+    return {group.name: group.criticality for group in groups_of(system)}
+
+
 def _remaining(request: PlanRequest, desired: Desired, present: Mapping[str, frozenset[str]]) -> Mapping[str, str]:
-    """Return why partitions are not made on a host: they are on another one, or may be on one that was not looked at.
+    """Return the partitions that are not made on a host, as they are or may be on another one.
 
     Returns:
         By partition, the reason as a part of a sentence.
@@ -147,7 +155,7 @@ def _remaining(request: PlanRequest, desired: Desired, present: Mapping[str, fro
     for name in (partition.name for partition in desired.partitions):
         for host in unseen:
             if name not in known and groups[name].may_run_on(host):
-                reasons[name] = f"it may be on {host}, which was not looked at"
+                reasons[name] = f"it may be on {host}, which was not read"
         for host, names in present.items():
             is_left = name in names and not (removes and host in (request.hosts or present))
             if is_left and name not in present[desired.host]:
@@ -182,7 +190,7 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
 
 def _advise_to_settle(finding: Diagnostic) -> Diagnostic:
     """Put the advice to settle a namesake before any other, if hosts have too little."""
-    advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
+    advice = f"First resolve the machine that has the name of a partition ({FOREIGN_AT_NAME.code}): it takes room, too."
     return replace(finding, advice=prose(advice)) if finding.code in NO_ROOM else finding
 
 
@@ -197,7 +205,7 @@ def _without_place(diagnostic: Diagnostic) -> Diagnostic:
     return replace(diagnostic, place=None, related=related)
 
 
-def _locator(
+def locator(
     system: System, places: Places, host: str, classes: Mapping[tuple[str, str], ClassValues]
 ) -> Callable[[Address], Place | None]:
     """Find the line that asks for what is at an address: for a task class, the component that names it."""
@@ -264,7 +272,7 @@ def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:
 
 def _users(system: System, members: tuple[str, ...], task: str) -> Iterator[str]:
     users = [system.components[name] for name in members]
-    named = [user for user in users if user.task is not None and user.task.lower() == task.lower()]
+    named = [user for user in users if user.task_class is not None and user.task_class.lower() == task.lower()]
     yield from (component.name for component in most_critical_first(named))
 
 
@@ -286,7 +294,7 @@ def partitions_after(observed: State, application: str, changes: Sequence[Change
 
 
 def partition_after_change(change: Change) -> Partition | None:
-    """Return a partition after its change; None where it is removed or released, or where it is no partition."""
+    """Return a partition after its change; None where it is removed or released, or where it is not a partition."""
     match change:
         case Create(after=after) | Update(after=after) | Adopt(after=after):
             return after if isinstance(after, Partition) else None
@@ -302,7 +310,6 @@ def totals_after(observed: State, application: str, changes: Sequence[Change], n
     A machine that is imported or released changes sides and keeps what it has.
 
     Args:
-        observed: the host before them.
         application: whose partitions are `own`; all other machines are `others`.
         changes: what is changed there; none: the host stays as it is.
 

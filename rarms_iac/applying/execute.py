@@ -79,15 +79,9 @@ def apply_plan(
             return failed_run(error)
     try:
         journals = {host_plan.host.name: hosts[host_plan.host.name].journal() for host_plan in plan.hosts}
-        problems = [
-            problem
-            for host_plan in plan.hosts
-            for problem in refusals_of(plan, host_plan, hosts[host_plan.host.name], journals[host_plan.host.name])
-        ]
+        problems = _refusals(plan, hosts, journals)
     except HostError as error:
         return failed_run(error)
-    if not problems and all(finished_by(plan, journal) for journal in journals.values()):
-        problems = [refusals.used(host, plan.id) for host in journals]
     if problems:
         return RunReport(ending=RunEnding.REFUSED, findings=tuple(problems))
 
@@ -104,7 +98,7 @@ def apply_plan(
                     run = _begin_or_resume(host, plan, host_plan, origin, journal)
                     report = run_steps(host, run, control)
                 case ScriptedHost():
-                    report = run_job(host, apply_job(plan.id, host_plan, plan.purpose), control)
+                    report = run_job(host, apply_job(plan, host_plan, host_plan.scripts), control)
                     report = replace(report, hosts=tuple(replace(run, host_plan=host_plan) for run in report.hosts))
                 case _:
                     assert_never(host)
@@ -121,8 +115,20 @@ def _apply_there(host: RobotHost, plan: Plan, part: HostPlan, control: RunContro
     return with_plan(run_there(host, "apply", job, control), part)
 
 
+def _refusals(plan: Plan, hosts: Mapping[str, LiveHost], journals: Mapping[str, LastRun]) -> list[Diagnostic]:
+    """Return the reasons against running the plan on its hosts; one is that it is done on all of them."""
+    problems = [
+        problem
+        for host_plan in plan.hosts
+        for problem in refusals_of(plan, host_plan, hosts[host_plan.host.name], journals[host_plan.host.name])
+    ]
+    if not problems and all(finished_by(plan, journal) for journal in journals.values()):
+        return [refusals.used(host, plan.id) for host in journals]
+    return problems
+
+
 def refusals_of(plan: Plan, host_plan: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
-    """Return why the plan must not run on this host now; empty if it may begin, continue, or is done."""
+    """Return the reasons against this plan on this host now; empty if it may begin, continue, or is done."""
     if journal is not None and journal.unfinished:
         same = journal.started.plan == plan.id and journal.started.run is RunKind.APPLY
         return [] if same else [refusals.unfinished(host.name, journal)]

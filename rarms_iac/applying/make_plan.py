@@ -3,7 +3,7 @@
 Observed states come from live hosts or from snapshots; nothing here knows which.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from rarms_iac.applying.desired_hosts import (
@@ -30,6 +30,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import load_texts
 from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.commands import MEASURE, PLAN_OUT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Severity, has_errors, in_order
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import (
@@ -46,10 +47,11 @@ from rarms_iac.model.plan import (
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.planner.desired import Desired
+from rarms_iac.planner.planning_findings import PROVISIONAL
 from rarms_iac.planner.problem import LayoutRefused
-from rarms_iac.planner.reservations import RecordedReservations, record
+from rarms_iac.planner.reservations import RecordedReservations, provisional_on, record
 from rarms_iac.storage.plan_file import identified, versions
 from rarms_iac.storage.shipped import known_codes
 
@@ -79,25 +81,16 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         The plan, or None and the errors that forbid one. The same input gives the same plan, to the byte.
     """
     asked: dict[str, frozenset[str] | None] = {}
-
-    def after_last_run(host: str) -> frozenset[str] | None:
-        if host not in asked:
-            asked[host] = source.after_last_run(host)
-        return asked[host]
-
-    source, request = request, replace(request, after_last_run=after_last_run)
+    request = replace(request, after_last_run=_remembering(request.after_last_run, asked))
     hosts, found = desired_hosts(request, observed)
     findings = [*request.findings, *request.snapshot_findings, *found]
     findings += hosts_of_one_machine(request.system, observed, request.places)
-    addresses: list[str] = []
-    host_plans: list[HostPlan] = []
     present = partitions_present(request, observed)
-    for name, desired in hosts.items():
-        if name in (request.hosts or observed):
-            host_plan, of_host, found = _plan_host(request, desired, present)
-            host_plans.append(host_plan)
-            addresses += of_host
-            findings += found
+    chosen = [desired for name, desired in hosts.items() if name in (request.hosts or observed)]
+    planned = [_plan_host(request, desired, present) for desired in chosen]
+    findings += [finding for _, _, of_host in planned for finding in of_host]
+    findings += _provisional([part for part, _, _ in planned], accepted=request.accept_provisional)
+    addresses = [address for _, of_host, _ in planned for address in of_host]
     findings += unknown_targets([*addresses, *sorted(request.gone)], request.targets)
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
     distinct = in_order(tuple(dict.fromkeys(findings)))
@@ -118,7 +111,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
         manifest_digest=request.manifest_digest,
         today=request.today.isoformat(),
         max_disruption=request.limit,
-        hosts=tuple(host_plans),
+        hosts=tuple(host_plan for host_plan, _, _ in planned),
         findings=remaining,
         accepted=accepted,
         placement=None if layout is None else layout.placement,
@@ -128,6 +121,38 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     return PlanningResult(
         plan=None if script_findings else plan, findings=in_order((*remaining, *script_findings)), accepted=accepted
     )
+
+
+def _provisional(parts: Sequence[HostPlan], *, accepted: bool) -> Iterator[Diagnostic]:
+    """Yield one warning of all partitions whose reservation is provisional."""
+    names = tuple(name for part in parts for name in part.provisional)
+    if not names:
+        return
+    needs_consent = any(part.needs_consent for part in parts) and not accepted
+    consent = prose(" To apply this plan anyway: ", PLAN_OUT.also(accept_provisional=True), ".")
+    yield PROVISIONAL.at(
+        None,
+        "{_names} from the first pass: estimates of short settings, without bounds.{_accepted}",
+        prose("Measure the rest: ", MEASURE, ".", *((consent,) if needs_consent else ())),
+        address=f"partition/{names[0]}",
+        partitions=names,
+        accepted=accepted,
+        _names=f"{in_a_row(names)} {'has a reservation' if len(names) == 1 else 'have reservations'}",
+        _accepted=" This was accepted." if accepted else "",
+    )
+
+
+def _remembering(
+    after_last_run: Callable[[str], frozenset[str] | None], asked: dict[str, frozenset[str] | None]
+) -> Callable[[str], frozenset[str] | None]:
+    """Return the function with its answers noted by host: they are inputs of the plan, and each reads a journal."""
+
+    def remembered(host: str) -> frozenset[str] | None:
+        if host not in asked:
+            asked[host] = after_last_run(host)
+        return asked[host]
+
+    return remembered
 
 
 class NotMadeAgain(ValueError):
@@ -249,6 +274,9 @@ def _host_plan(
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
+        provisional=provisional_on(
+            request.system, request.reservations, seen.host, {partition.name for partition in desired.partitions}
+        ),
         stopped=_staying_stopped(request, desired),
     )
 
@@ -273,7 +301,7 @@ def _manifest_partitions(desired: Desired) -> frozenset[str]:
 
 
 def _unused(seen: SeenHost, name: str) -> UnusedPartition:
-    """Return what a partition still holds that the manifest no longer names."""
+    """Return the resources of a partition that the manifest no longer names."""
     machine = seen.present[name]
     saves = machine.settings.stop_action is StopAction.SAVE
     return UnusedPartition(

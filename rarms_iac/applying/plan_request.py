@@ -11,13 +11,13 @@ from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Places
 from rarms_iac.model.layout import ChosenLayout
 from rarms_iac.model.plan import PlanOrder, Purpose
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+from rarms_iac.texts.messages import suggestion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRequest(PlanOrder):
-    """What a plan is asked for, with the manifest as it was read."""
+    """The request for a plan, with the manifest as it was read."""
 
     system: System
     places: Places
@@ -73,11 +73,11 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
     return tuple(
         NO_TARGET.at(
             None,
-            "`--target {target}`: nothing has this address or lies below it.{_suggestion}",
+            "`--target {target}`: this address does not exist.{_suggestion}",
             prose(
                 "Give an address such as partition/vision (",
                 command("plan", verbose=True),
-                " lists those that change), or leave the option out.",
+                " lists the changes), or omit the option.",
             ),
             address=target,
             target=target,

@@ -18,7 +18,7 @@ from rarms_iac.planner.mechanism import IGNORED_RESERVES, asks_for_processors, i
 NO_RIGHTS = Finding.error("RARMS158", "The right to manage the host is not proven")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")
 
-UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "It is not known whether the host's scheduler honours reserves")
+UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "The host's scheduler is not known")
 
 
 def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:
@@ -40,14 +40,14 @@ def marks_of_other_robots(observed: Iterable[State], application: Application) -
     for state in observed:
         host, managed = state.facts.name, state.of(application.name)
         for partition in managed.partitions:
-            assert partition.mark is not None, "what is managed has a mark"
+            assert partition.mark is not None, "a managed partition has a mark"
             name = partition.mark.name
-            marked = f"Partition {quoted(name)} on {host} bears the mark of"
+            marked = f"Partition {quoted(name)} on {host} has the mark of"
             yield from _other_robot(
                 marked, partition.mark.robot, f"partition/{name}", host, application, machine=partition.id
             )
         for task in managed.tasks:
-            assert task.record is not None, "what is managed has a record"
+            assert task.record is not None, "a managed task class has a record"
             inside = f" in the guest of {quoted(task.inside)}" if task.inside else ""
             recorded = f"The task class {quoted(task.name)}{inside} on {host} has a record of"
             address = str(Address(partition=task.inside, task=task.name))
@@ -63,10 +63,10 @@ def _other_robot(
 ) -> Iterator[Diagnostic]:
     if robot in {"", application.robot}:
         return
-    own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, as it has no overlay"
+    own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, because no overlay was given"
     yield OTHERS_RUN.at(
         None,
-        "{_subject} the robot {robot:quoted}, and this manifest is that of {_own}.",
+        "{_subject} the robot {robot:quoted}, but this manifest is for {_own}.",
         f"Nothing was changed. Check the host's address, or give that robot's overlay, {robot}.yaml, last.",
         address=address,
         host=host,
@@ -94,11 +94,11 @@ def marked_resources(state: State) -> tuple[str, ...]:
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
     """Return the finding about a host of which it is unknown whether everything was seen."""
-    lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
+    lack = "does not have the right to" if facts.rights is Rights.MISSING else "could not prove the right to"
     return NO_RIGHTS.of_host(
         facts.name,
-        "On {host}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
-        "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
+        "On {host}, rarms {lack} manage machines. It cannot read or change them.",
+        "Run as an administrator of the host; on a simulated host, write `administrator: true`.",
         place=place,
         rights=facts.rights.value,
         lack=lack,
@@ -119,8 +119,8 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
     if why:
         yield SCHEDULER.of_host(
             facts.name,
-            "{host} {why}: reserve, limit and weight of {_whose} would be stored without effect.",
-            f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
+            "{host} {why}: reserve, limit and weight of {_whose} would have no effect.",
+            f"{_scheduler_advice(facts)}, use another host, or accept RARMS159 at host/{facts.name}.",
             place=place,
             scheduler=facts.scheduler.value,
             why=why,
@@ -129,10 +129,12 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
     elif facts.scheduler is SchedulerType.UNKNOWN:
         yield UNKNOWN_SCHEDULER.of_host(
             facts.name,
-            "{host} does not tell which scheduler it runs: whether reserve, limit and weight of {_whose} "
-            "have an effect is not known.",
-            "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor again; or run `bcdedit "
-            "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
+            "{host} does not report its scheduler, so reserve, limit and weight of {_whose} may have no effect.",
+            (
+                "Restart the host: it then writes event 2 of Microsoft-Windows-Hyper-V-Hypervisor again. Or run "
+                "`bcdedit /enum {current}` there: reserves have no effect only if hypervisorschedulertype is "
+                "Root."
+            ),
             place=place,
             scheduler=facts.scheduler.value,
             _whose=whose,
@@ -141,7 +143,7 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
 
 def _scheduler_advice(facts: HostFacts) -> str:
     if facts.client:
-        return "Install a Windows Server: a client supports no other scheduler"
+        return "Install a Windows Server: a client supports only the root scheduler"
     return (
         "Choose the core or the classic scheduler (`bcdedit /set hypervisorschedulertype core`; some builds want "
         "`bcdedit /set {hypervisorsettings} hypervisorschedulertype core`) and restart the host"
@@ -157,7 +159,7 @@ def _why_ignored(facts: HostFacts) -> str:
         return ""
     if facts.scheduler is SchedulerType.ROOT:
         return "runs the root scheduler"
-    return "is a client Windows, and those run the root scheduler"
+    return "is a client Windows, which runs the root scheduler"
 
 
 ONE_MACHINE = Finding.warning("RARMS343", "Several hosts are one machine")
@@ -189,10 +191,14 @@ def hosts_of_one_machine(system: System, observed: Mapping[str, State], places: 
 def _clones(names: list[str], places: Places) -> Diagnostic:
     return ONE_MACHINE.at(
         places.key("hosts", names[0]),
-        "The hosts {hosts:all} have the same machine id: either their addresses lead to one machine, or "
-        "the machines were cloned from one image.",
-        "Check the addresses under `connect`. Give each clone a machine id of its own, else proofs and journals of one "
-        "count for the other.",
+        (
+            "The hosts {hosts:all} have the same machine id. Their addresses lead to one machine, or the "
+            "machines were cloned from one image."
+        ),
+        (
+            "Check the addresses in `connect`. Give each clone its own machine id; otherwise proofs and "
+            "journals are mixed up."
+        ),
         address=f"host/{names[0]}",
         hosts=tuple(names),
     )
@@ -202,7 +208,7 @@ def _slices(names: list[str], places: Places) -> Diagnostic:
     return ONE_MACHINE.at(
         places.key("hosts", names[0]),
         "The hosts {hosts:all} are slices of one machine, and each reserves as if it had all processors.",
-        "Make them one host, or let each keep the others' part free with `keep_for_host`.",
+        "Write them as one host, or reserve the part of the others with `keep_for_host`.",
         address=f"host/{names[0]}",
         hosts=tuple(names),
     )

@@ -4,7 +4,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from rarms_iac.diff.readings import VALUE
-from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN, PLAN_OUT, UNDO, command, prose, sentences
+from rarms_iac.model.commands import (
+    APPLY,
+    APPLY_ABANDON,
+    DRIFT,
+    HISTORY,
+    MEASURE,
+    PLAN,
+    PLAN_OUT,
+    UNDO,
+    command,
+    prose,
+    sentences,
+)
 from rarms_iac.model.diagnostics import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED, Diagnostic, Finding
 from rarms_iac.model.facets import Readings
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
@@ -20,9 +32,9 @@ HOST_FAILED = Finding.error("RARMS189", "The host cannot be reached, read or cha
 
 MOVED = Finding.error("RARMS182", "The host has changed since the plan was made")
 
-OTHERS_RUN = Finding.error("RARMS340", "This belongs to another application or robot")
+OTHERS_RUN = Finding.error("RARMS340", "The host or run belongs to another application or robot")
 
-LOCKED = Finding.error("RARMS184", "The host is held by another run")
+LOCKED = Finding.error("RARMS184", "Another run has locked the host")
 
 UNFINISHED = Finding.error("RARMS183", "Another run is unfinished on the host")
 
@@ -30,13 +42,31 @@ STEP_FAILED = Finding.error("RARMS186", "A step failed")
 
 
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be undone")
-UNDO_FOREIGN = Finding.warning("RARMS402", "An undo sets a value that rarms had not set")
+UNDO_FOREIGN = Finding.warning("RARMS402", "An undo would restore a value that rarms did not set")
+NOT_ACCEPTED = Finding.error("RARMS109", "The plan has provisional reservations that are not accepted")
 UNSIGNED = Finding.error("RARMS341", "The plan is not signed with the key")
 
 _LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
 GO_ON = prose("Run the same command again to finish it, ", UNDO, " to reverse it, or ", _LEAVE)
 _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
-_LOST = prose("rarms cannot bring that back. Afterwards ", PLAN, " says what differs from the manifest.")
+_LOST = prose("rarms cannot restore that. Afterwards ", PLAN, " shows the differences to the manifest.")
+
+
+def not_accepted(plan: str, host: str, partitions: Sequence[str]) -> Diagnostic:
+    """Refuse a plan that would set provisional reservations on a host that is not simulated."""
+    return NOT_ACCEPTED.of_host(
+        host,
+        "Plan {plan} has provisional reservations for {host}: {partitions:all}.",
+        prose(
+            "Nothing was changed. Measure the rest: ",
+            MEASURE,
+            ". Or record that you accept them: ",
+            PLAN_OUT.also(accept_provisional=True),
+            ", then apply that file.",
+        ),
+        plan=plan,
+        partitions=tuple(partitions),
+    )
 
 
 def used(host: str, plan: str) -> Diagnostic:
@@ -53,8 +83,8 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     """Refuse a plan whose host differs in these parts from what the plan saw."""
     return MOVED.of_host(
         host,
-        "On {host} this is no longer as the plan saw it: {differences:;}.",
-        prose("Nothing was changed. Look with ", DRIFT, ", then make a new plan."),
+        "On {host}, this changed since the plan was made: {differences:;}.",
+        prose("Nothing was changed. Show the changes with ", DRIFT, ", then make a new plan."),
         differences=tuple(parts),
     )
 
@@ -63,10 +93,11 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
     """Refuse a host that knows of fewer runs than the plan: it is another one, as no host forgets a run."""
     return MOVED.of_host(
         host,
-        "{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies "
-        "and undos, and the plan of {planned_serial}.",
-        "Nothing was changed. Look whether the plan is applied in the right folder and to the right machine, then make "
-        "a new plan.",
+        (
+            "{host} is not the host of the plan, or was restored from a backup: it has {serial} applies and "
+            "undos, the plan expects {planned_serial}."
+        ),
+        "Nothing was changed. Check that the folder and the machine are correct, then make a new plan.",
         serial=serial,
         planned_serial=planned,
     )
@@ -82,8 +113,8 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         either = prose(UNDO, " to finish it")
     return UNFINISHED.of_host(
         host,
-        "{_run} on {host} was begun by {owner} and not finished.",
-        prose("Wait while that process still works. Otherwise run ", either, ", or ", _LEAVE),
+        "{_run} on {host}, started by {owner}, is unfinished.",
+        prose("If that process still works, wait. Otherwise run ", either, ", or ", _LEAVE),
         run=started.run.value,
         plan=started.plan,
         owner=started.started_by,
@@ -92,21 +123,21 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
 
 
 def begun_by_another_version(host: str, journal: Journal) -> Diagnostic | None:
-    """Return why this version does not end an unfinished run; None: it began the run, or the run is finished."""
+    """Return the refusal of an unfinished run of another version; None: this version began it, or it is finished."""
     started = journal.started
     if not journal.unfinished or started.rarms == __version__:
         return None
     advice = prose(
         "Nothing was changed. If the host is reached over ssh, run ",
         command("install", host=host),
-        f": it has rarms {started.rarms} finish the run. Elsewhere run ",
+        f", which lets rarms {started.rarms} finish the run. Otherwise run ",
         APPLY,
         f" of rarms {started.rarms}. Or run ",
         _LEAVE,
     )
     return UNFINISHED.of_host(
         host,
-        "{_run} on {host} was begun by rarms {began} and not finished; this is rarms {version}.",
+        "{_run} on {host}, started by rarms {began}, is unfinished. This is rarms {version}.",
         advice,
         plan=started.plan,
         began=started.rarms,
@@ -120,13 +151,13 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
     """Return the refusal of a signature, of a plan or of an unfinished run's journal, that the key does not fit."""
     subject = "The unfinished run" if is_begun else "The part"
     advice = (
-        prose("Look at the journal. Close the run (", APPLY_ABANDON, "), or finish it where the key is not set.")
+        prose("Check the journal. Close the run (", APPLY_ABANDON, "), or finish it in an environment without the key.")
         if is_begun
-        else prose("Make the plan again where the key is set: ", PLAN_OUT, ".")
+        else prose("Make the plan again in an environment that has the key: ", PLAN_OUT, ".")
     )
     return UNSIGNED.of_host(
         host,
-        "{_subject} of plan {plan} on {host} has no signature that fits the key of this environment.",
+        "{_subject} of plan {plan} on {host} is not signed with the key of this environment.",
         advice,
         plan=plan,
         _subject=subject,
@@ -137,8 +168,8 @@ def without_key(plan: str) -> Diagnostic:
     """Refuse a plan where its manifest demands signed plans and no key is set."""
     return UNSIGNED.at(
         None,
-        "The manifest of plan {plan} says `signed_plans: true`, and no key is set in this environment.",
-        "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE, where plans are made and where they are applied.",
+        "The manifest of plan {plan} has `signed_plans: true`, but no key is set in this environment.",
+        "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE both for making and for applying plans.",
         plan=plan,
     )
 
@@ -161,7 +192,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         advice = prose(f"Give that robot's overlay, {started.robot}.yaml, last.")
     return OTHERS_RUN.of_host(
         host,
-        "{_run} on {host} is a run of the application {_begun_for}, begun by {owner}; this manifest is that of {_own}.",
+        "{_run} on {host} belongs to the application {_begun_for}, started by {owner}. This manifest is for {_own}.",
         sentences("Nothing was changed.", advice),
         plan=started.plan,
         application=started.application,
@@ -186,7 +217,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
     return MOVED.at(
         step.place,
         "{resource} on {host}, before `{step}`: {_differences}.",
-        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
+        prose("Nothing more was changed. Show the state with ", DRIFT, ". ", GO_ON),
         address=str(step.address),
         _differences=differences(live, step.before),
         **_step_facts(host, step),
@@ -224,7 +255,7 @@ def _step_facts(host: str, step: Step) -> dict[str, Any]:
 
 
 def _reading_facts(live: Readings, expected: Readings) -> dict[str, Any]:
-    """Return what each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
+    """Return both values of each setting that differs: `is_reserve` 50, `expected_reserve` 70."""
     names = [name for name in expected if live.get(name) != expected[name]]
     return {f"expected_{_label(name)}": expected[name] for name in names} | {
         f"is_{_label(name)}": live[name] for name in names if name in live
@@ -249,7 +280,7 @@ def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
     """Report a host that bears marks of rarms and has no record of a run that made them."""
     return DAMAGED.of_host(
         host,
-        "{_describe_missing_journal} Nothing can be undone there.",
+        "{_describe_missing_journal} rarms cannot undo anything there.",
         "Nothing was changed. Restore the journal from a copy, or undo the other hosts with --host.",
         marked=tuple(marked),
         _describe_missing_journal=describe_missing_journal(host, marked),
@@ -267,7 +298,7 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
     return STEP_FAILED.at(
         None,
         "{resource} on {host}: {difference}.",
-        prose("Something else changes it too. Look with ", DRIFT, "."),
+        prose("Another tool also changes it. Show the changes with ", DRIFT, "."),
         address=address,
         host=host,
         resource=address,
@@ -277,7 +308,8 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
     """Report that there is no apply to undo."""
-    return NOTHING_CHANGED.of_host(host, "{host}: {reason}.", "Nothing was changed.", reason=why)
+    advice = prose(HISTORY, " lists the runs on each host.")
+    return NOTHING_CHANGED.of_host(host, "{host} has nothing to undo: {reason}.", advice, reason=why)
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
@@ -322,7 +354,7 @@ def undo_script_foreign(host: str, line: str) -> Diagnostic:
 
 def no_script(host: str, plan: str) -> Diagnostic:
     """Return the refusal of a plan without the script that its host needs."""
-    return SCRIPT_REFUSED.of_host(host, "Plan {plan} holds no script for {host}.", _NEW_PLAN, plan=plan)
+    return SCRIPT_REFUSED.of_host(host, "Plan {plan} does not have a script for {host}.", _NEW_PLAN, plan=plan)
 
 
 def differences(live: Readings, expected: Readings) -> str:
@@ -330,7 +362,7 @@ def differences(live: Readings, expected: Readings) -> str:
     changes = [
         f"{_label(name)} is {_format_reading(live[name])}, not {_format_reading(expected[name])}"
         if name in live
-        else f"{_label(name)} is not there"
+        else f"{_label(name)} does not exist"
         for name in sorted(expected)
         if live.get(name) != expected[name]
     ]

@@ -1,34 +1,44 @@
 """Changes that a command asks for by name: `rarms stop`, `start`, `import` and `release`.
 
 Partitions stop and start, and all that they are stays; or a mark comes or goes, and nothing else changes. A partition
-that was stopped says so in its mark, so that it is no drift and no plan starts it; `rarms start` does.
+that was stopped says so in its mark, so that it is not drift and no plan starts it; `rarms start` does.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import assert_never
 
+from rarms_iac.applying.desired_hosts import criticality_of, graces_of
 from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.preconditions import marks_of_other_robots, unproven_rights
+from rarms_iac.applying.review.changes import review_tied_machines
+from rarms_iac.applying.review.host_effects import review_memory_left, review_script_placement
 from rarms_iac.diff.compare import not_at_rest
+from rarms_iac.diff.order import order
+from rarms_iac.diff.step_context import StepContext
+from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import PLAN, command, prose
-from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Place
-from rarms_iac.model.plan import Purpose
+from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Place, Places
+from rarms_iac.model.plan import HostSteps, Purpose
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
-from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import natural_order, suggestion
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import natural_order
+from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.storage.marks import set_of_settings
+from rarms_iac.texts.messages import suggestion
 
 Locator = Callable[[Address], Place | None]
-_NOTHING_TO_IMPORT = prose("There is nothing to import. ", PLAN, " shows the partition that it adds.")
+_NOTHING_TO_IMPORT = prose("There is no machine to import. ", PLAN, " shows the partition as a new one.")
 
 
 def requested_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Change | Diagnostic]:
     """Find the changes that a command other than apply and destroy asks for.
 
     Args:
-        request: the command, whose partitions, which of them, and who stops them.
+        request: the command, whose partitions, and which of them.
         locate: the manifest line of a partition.
 
     Yields:
@@ -41,24 +51,32 @@ def requested_changes(state: State, request: PlanRequest, locate: Locator) -> It
         case Purpose.RELEASE:
             yield from _release_changes(state, request, locate)
         case Purpose.STOP:
-            yield from _stop_changes(state, request, locate)
+            yield from stop_changes(_chosen(state, request), StoppedBy.USER, "rarms stop", locate)
         case Purpose.START:
             yield from _left_test_partitions(state, request)
-            yield from _start_changes(state, request, locate)
+            to_start = (each for each in _chosen(state, request) if _is_to_start(each, request))
+            yield from start_changes(to_start, "rarms start", locate)
         case Purpose.APPLY | Purpose.DESTROY:
             raise ValueError(f"{request.purpose} has the changes of a comparison")
         case _:
             assert_never(request.purpose)
 
 
-def _stop_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
-    """Yield changes that stop what runs, with any mark, and that mark what is wanted running but does not run."""
-    for address, before in _partitions(state, request):
-        after = stopped_partition(before, request.stopped_by)
-        if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
-            yield not_at_rest(address, before.state, locate(address))
+def stop_changes(
+    partitions: Iterable[Partition], stopped_by: StoppedBy, why: str, locate: Locator
+) -> Iterator[Update | Diagnostic]:
+    """Yield changes that stop what runs, with any mark, and that mark what is wanted running but does not run.
+
+    Args:
+        partitions: with marks.
+        why: the reason of each change, for a person.
+    """
+    for before in partitions:
+        after = stopped_partition(before, stopped_by)
+        if before.state in _NOT_AT_REST:
+            yield _not_at_rest(before, locate)
         elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
-            yield _update(address, before, after, "rarms stop", locate)
+            yield _update(before, after, why, locate)
 
 
 def _is_wanted_running(partition: Partition) -> bool:
@@ -67,21 +85,20 @@ def _is_wanted_running(partition: Partition) -> bool:
     return is_measured or partition.settings.start_action is not StartAction.NOTHING
 
 
-def _start_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Update | Diagnostic]:
-    """Start the partitions that rarms stopped; named ones also if rarms did not stop them."""
-    for address, before in _partitions(state, request):
-        assert before.mark is not None
-        stopped_by = before.mark.stopped_by
-        if request.stopped_by is StoppedBy.MEASUREMENT:
-            is_meant = stopped_by is StoppedBy.MEASUREMENT
+def start_changes(partitions: Iterable[Partition], why: str, locate: Locator) -> Iterator[Update | Diagnostic]:
+    """Yield changes that start partitions; their marks say no longer who stopped them."""
+    for before in partitions:
+        if before.state in _NOT_AT_REST:
+            yield _not_at_rest(before, locate)
         else:
-            is_meant = stopped_by is not StoppedBy.NO_USER or (bool(request.partitions) and not before.settings.running)
-        if not is_meant:
-            continue
-        if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
-            yield not_at_rest(address, before.state, locate(address))
-        else:
-            yield _update(address, before, _started(before), "rarms start", locate)
+            yield _update(before, _started(before), why, locate)
+
+
+def _is_to_start(partition: Partition, request: PlanRequest) -> bool:
+    """Tell whether `rarms start` means it: all that rarms stopped, and named ones also if rarms did not stop them."""
+    assert partition.mark is not None
+    is_named = bool(request.partitions)
+    return partition.mark.stopped_by is not StoppedBy.NO_USER or (is_named and not partition.settings.running)
 
 
 def _left_test_partitions(state: State, request: PlanRequest) -> Iterator[Delete]:
@@ -91,19 +108,33 @@ def _left_test_partitions(state: State, request: PlanRequest) -> Iterator[Delete
             yield Delete(
                 address=Address(partition=partition.mark.name, machine=partition.id),
                 before=partition,
-                reason=Reason(message="a measurement that was killed left it"),
+                reason=Reason(message="left by a measurement that was killed"),
                 disruption=Disruption.PARTITION_STOP,
             )
 
 
-def _partitions(state: State, request: PlanRequest) -> Iterator[tuple[Address, Partition]]:
+def _chosen(state: State, request: PlanRequest) -> Iterator[Partition]:
     managed = {vm.mark.name: vm for vm in state.of(request.application).partitions if vm.mark}
     for name, partition in sorted(managed.items()):
         if not request.partitions or name in request.partitions:
-            yield Address(partition=name, machine=partition.id), partition
+            yield partition
 
 
-def _update(address: Address, before: Partition, after: Partition, why: str, locate: Locator) -> Update:
+def _address(partition: Partition) -> Address:
+    assert partition.mark is not None
+    return Address(partition=partition.mark.name, machine=partition.id)
+
+
+_NOT_AT_REST = frozenset({RunState.BUSY, RunState.CRITICAL, RunState.PAUSED})
+
+
+def _not_at_rest(partition: Partition, locate: Locator) -> Diagnostic:
+    address = _address(partition)
+    return not_at_rest(address, partition.state, locate(address))
+
+
+def _update(before: Partition, after: Partition, why: str, locate: Locator) -> Update:
+    address = _address(before)
     stops = before.settings.running and not after.settings.running
     return Update(
         address=address,
@@ -135,6 +166,41 @@ def _started(partition: Partition) -> Partition:
     )
 
 
+def steps_without_plan(
+    system: System, places: Places, seen: SeenHost, found: Iterable[Change | Diagnostic]
+) -> tuple[HostSteps, tuple[Diagnostic, ...]]:
+    """Return the steps of stops or starts on one host, in their order, and the errors that forbid them.
+
+    A plan of the same stops or starts has the same errors.
+    """
+    found = tuple(found)
+    changes = tuple(each for each in found if not isinstance(each, Diagnostic))
+    context = StepContext(
+        seen=seen,
+        graces=graces_of(system, seen),
+        criticality=criticality_of(system),
+        starting=starting_partitions(system, seen.host),
+    )
+    ordered = order(plan_changes(changes, context), context)
+    steps, stuck = ((), (ordered,)) if isinstance(ordered, Diagnostic) else (ordered, ())
+    on = HostSteps(
+        host=seen.host,
+        facts=seen.facts,
+        serial=seen.state.serials.get(seen.application, 0),
+        changes=changes,
+        steps=steps,
+    )
+    return on, (
+        *unproven_rights([seen.state], places),
+        *marks_of_other_robots([seen.state], system.application),
+        *review_tied_machines(system, changes),
+        *review_script_placement(seen, changes),
+        *review_memory_left(seen, changes),
+        *(each for each in found if isinstance(each, Diagnostic)),
+        *stuck,
+    )
+
+
 def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
     """Yield the change that makes the machine of this id the manifest's partition; its settings stay.
 
@@ -150,7 +216,7 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
         )
         yield NO_TARGET.at(
             place,
-            "{host} has no machine {machine}: {_known}.",
+            "{host} does not have the machine {machine}: {_known}.",
             "Give one of these ids." if state.partitions else _NOTHING_TO_IMPORT,
             address=address,
             host=state.facts.name,
@@ -179,9 +245,11 @@ def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iter
 
 
 def _taken(state: State, application: str, name: str, machine: Partition) -> Diagnostic | None:
-    """Return why the machine cannot be adopted: it is another's, or the partition has a machine."""
+    """Return the obstacle to adopting the machine: it is another's, or the partition has a machine."""
     if mark := machine.mark:
-        problem = "Machine {machine} is partition {partition:quoted} of application {application:quoted}."
+        problem = (
+            "Machine {machine} is already the partition {partition:quoted} of the application {application:quoted}."
+        )
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
         advice = prose("Release it first: ", command("release", mark.name), f"{manifest}.")
         return NO_TARGET.at(
@@ -191,7 +259,7 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
     holder = next((partition for partition in managed if partition.mark and partition.mark.name == name), None)
     if holder is None:
         return None
-    problem = "Partition {partition:quoted} is machine {machine} already."
+    problem = "Partition {partition:quoted} is already the machine {machine}."
     advice = prose("Release that one first: ", command("release", name), ".")
     return NO_TARGET.at(None, problem, advice, partition=name, machine=holder.id)
 
@@ -210,9 +278,9 @@ def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Ite
     if before is None:
         yield NO_TARGET.at(
             place,
-            "On {host} no partition {partition:quoted} carries a mark of {application:quoted}; "
-            + ("these do: {managed:each}.{_suggestion}" if managed else "no partition does."),
-            "Give one of these names." if managed else "There is nothing to release.",
+            "{host} does not have a partition {partition:quoted} with the mark of {application:quoted}. "
+            + ("Partitions with this mark: {managed:each}.{_suggestion}" if managed else "No partition has this mark."),
+            "Give one of these names." if managed else "There is no partition to release.",
             address=f"partition/{name}",
             host=state.facts.name,
             partition=name,

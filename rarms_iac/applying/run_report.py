@@ -14,7 +14,7 @@ from rarms_iac.model.totals import Totals
 
 
 class RunEnding(StrEnum):
-    """How a run ended; the command line turns it into an exit code."""
+    """The ending of a run; the command line turns it into an exit code."""
 
     DONE = "done"
     NOTHING = "nothing"  # there was nothing to do

@@ -14,8 +14,7 @@ from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
 from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
-from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.wording import last_words
+from rarms_iac.model.plan import HostSteps, Purpose, RunIdentity
 from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import script_name
 from rarms_iac.powershell.templates import MODULE_FOLDER, shipped_module, without_signature
@@ -30,8 +29,9 @@ from rarms_iac.providers.interface import (
     ScriptLost,
     WaitLimits,
 )
+from rarms_iac.texts.messages import last_words
 
-UNKNOWN_ENDING = Finding.error("RARMS250", "It is unknown how the run ended")
+UNKNOWN_ENDING = Finding.error("RARMS250", "The result of the run is unknown")
 
 REFUSED_CODE = 3
 """A script's exit code where it would not go on (docs/scripts.md)."""
@@ -48,11 +48,11 @@ class ScriptJob:
     purpose: Purpose = Purpose.APPLY  # of the plan
 
 
-def apply_job(plan: str, part: HostPlan, purpose: Purpose = Purpose.APPLY) -> ScriptJob:
-    """Return the plan's own bytes: the script that does it, and the one that undoes it."""
-    name, undo = script_name(part), script_name(part, undo=True)
-    files = {name: part.scripts[name], undo: part.scripts[undo], **_module_files(shipped_module())}
-    return ScriptJob(run=RunKind.APPLY, plan=plan, script=_bundle(name, files), earlier={}, purpose=purpose)
+def apply_job(run: RunIdentity, on: HostSteps, scripts: Mapping[str, str]) -> ScriptJob:
+    """Return the bytes of a host's scripts: the one that does the run there, and the one that undoes it."""
+    name, undo = script_name(on), script_name(on, undo=True)
+    files = {name: scripts[name], undo: scripts[undo], **_module_files(shipped_module())}
+    return ScriptJob(run=RunKind.APPLY, plan=run.id, script=_bundle(name, files), earlier={}, purpose=run.purpose)
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
@@ -90,12 +90,12 @@ def _recorded_script(host: str, name: str, text: str, module: Mapping[str, str])
     for problem in unreadable(without_signature(text).encode("utf-8", "surrogatepass"), name):
         line = f"line {problem.place.line}, " if problem.place else ""
         message = f"{name} in its journal is damaged: {line}{problem.detail}"
-        raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
+        raise HostDamaged(host, message, "check what the last run did, then remove the journal")
     return _bundle(name, {name: text, **_module_files(module)})
 
 
 def _bundle(name: str, files: Mapping[str, str]) -> ScriptBundle:
-    """Return the script of this name with what lies beside it, and the longest wait for a machine to stop."""
+    """Return the script of this name with what lies next to it, and the longest wait for a machine to stop."""
     graces = map(int, re.findall(r"GraceMs(?: =)? ([0-9]{1,9})\b", files[name]))
     return ScriptBundle(runs=name, files=files, longest_grace_ms=max(graces, default=0))
 
@@ -130,7 +130,7 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
 
 
 def description_of(script: str) -> tuple[str, ...]:
-    """Return what the help of a script says that it does, a line each."""
+    """Return the actions in the help of a script, a line each."""
     description = script.partition("\n.DESCRIPTION")[2].partition("\n.PARAMETER")[0]
     return tuple(line.removeprefix("    ").rstrip() for line in description.splitlines()[1:])
 
@@ -210,8 +210,9 @@ class RunListener:
                 return RunEnding.FAILED, _unknown_ending(self._host, self._job.plan, why)
             case ScriptExited(code=0) if last is not None and last.status in _GOOD_ENDS:
                 return (RunEnding.DONE,)
-            case ScriptExited(code=0):
-                why = "it ended with exit code 0 and without its last event"
+            case ScriptExited(code=code, last_lines=lines) if code == 0 or (last is None and self._total):
+                said = " ".join([*self._other_lines, *lines[-3:]])
+                why = f"it ended with exit code {code} and without its last event{': ' if said else ''}{said}"
                 return RunEnding.FAILED, _unknown_ending(self._host, self._job.plan, why)
             case ScriptExited() if last is not None and last.status is EventStatus.STOPPED:
                 return (RunEnding.INTERRUPTED,)
@@ -238,8 +239,8 @@ def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
     """Return the failure of a started script whose connection was lost before it said how it ended."""
     return UNKNOWN_ENDING.of_host(
         host,
-        "Plan {plan} on {host}: {reason}. What was done until then, and whether it goes on, is not known here.",
-        prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
+        "Plan {plan} on {host}: {reason}. The script may have changed the host, and may still be running.",
+        prose("Run ", APPLY, ": it reads the journal of the host and finishes the run."),
         plan=plan,
         reason=why,
     )
@@ -253,13 +254,13 @@ def _script_refused(host: str, event: RunEvent) -> Diagnostic:
         return SCRIPT_REFUSED.of_host(
             host,
             "{host}: {reason}.",
-            prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
+            prose("No step was done. Show the state with ", DRIFT, ", then make a new plan."),
             reason=event.reason,
         )
     return MOVED.at(
         None,
         "{resource} on {host}: {reason}.",
-        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
+        prose("Nothing more was changed. Show the state with ", DRIFT, ". ", GO_ON),
         address=event.address,
         host=host,
         resource=event.address,

@@ -5,6 +5,7 @@ run and one that was killed: every step looks before it acts, so that a step whi
 done. `rarms_iac.robot` does at a robot what `run_there` asks for here.
 """
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,7 +16,18 @@ from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.facets import Reading, Readings
-from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.journal import (
+    Closing,
+    Journal,
+    RunClosed,
+    RunKind,
+    RunStarted,
+    StepRecorded,
+    StepStatus,
+    open_starts,
+)
+from rarms_iac.model.operations import StartPartition
 from rarms_iac.model.plan import HostPlan, Scope, Step
 from rarms_iac.providers.interface import (
     NO_WAITING,
@@ -41,6 +53,9 @@ class RunControl:
     waits: WaitLimits = NO_WAITING
 
 
+_LOOK_S = 0.1
+"""How often it is asked during a wait whether the run is to end."""
+
 UNATTENDED_RUN = RunControl()
 """No report, no early end, and nothing is waited for."""
 
@@ -54,8 +69,59 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
         record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
     }
     begun = journal.touched() - set(done)
-    begin = RunBegun(
-        host=host.name,
+    reporter.run_started(_begin(host.name, started, done))
+    scope = Scope(application=started.application, plan=started.plan)
+
+    def report(ending: RunEnding, *problems: Diagnostic) -> RunReport:
+        return RunReport(ending=ending, hosts=(_host_report(host.name, journal, done, ending),), findings=problems)
+
+    total, just_started = len(started.steps), False
+    for number in (number for number in range(total) if number not in done):
+        step = started.steps[number]
+        if control.should_stop() and not step.wait_ms:
+            return report(RunEnding.INTERRUPTED)
+        reporter.step_started(host.name, number + 1, total, step)
+        if step.wait_ms and just_started and started.host_plan.host.provider is not ProviderKind.SIMULATED:
+            _wait(step.wait_ms, control.should_stop)
+        outcome = _perform(host, scope, number, step, was_begun=number in begun)
+        if isinstance(outcome, Diagnostic):
+            refused = outcome.code in {refusals.MOVED.code, refusals.LOCKED.code}
+            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
+        done[number] = outcome
+        just_started = isinstance(step.operation, StartPartition) and outcome is StepStatus.CHANGED
+        reporter.step_ended(host.name, number + 1, total, step, outcome)
+
+    # Every step is done: another run would find nothing left of a deviation.
+    host.record(RunClosed(closing=Closing.DONE))
+    deviations = tuple(_deviations(host, started, scope))
+    return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
+
+
+def _wait(time_ms: int, should_stop: Callable[[], bool]) -> None:
+    until = time.monotonic() + time_ms / 1000
+    while not should_stop() and (left := until - time.monotonic()) > 0:
+        time.sleep(min(_LOOK_S, left))
+
+
+def take_back_starts(host: StepwiseHost, journal: Journal) -> Diagnostic | None:
+    """Give back what partitions had for their starts, where a killed run did not; the rest of the run stays undone.
+
+    The caller holds the host's lock.
+
+    Returns:
+        Why one could not be given back; None: nothing is left.
+    """
+    scope = Scope(application=journal.started.application, plan=journal.started.plan)
+    for number, step in open_starts(journal):
+        outcome = _perform(host, scope, number, step, was_begun=True)
+        if isinstance(outcome, Diagnostic):
+            return outcome
+    return None
+
+
+def _begin(host: str, started: RunStarted, done: Mapping[int, StepStatus]) -> RunBegun:
+    return RunBegun(
+        host=host,
         run=started.run,
         plan=started.plan,
         done=len(done),
@@ -63,44 +129,23 @@ def run_steps(host: StepwiseHost, journal: Journal, control: RunControl) -> RunR
         addresses=[str(step.address) for number, step in enumerate(started.steps) if number not in done],
         components=started.host_plan.components,
     )
-    reporter.run_started(begin)
-    resumed = bool(journal.steps)
-    scope = Scope(application=started.application, plan=started.plan)
 
-    def report(ending: RunEnding, *problems: Diagnostic) -> RunReport:
-        changed = sum(status is StepStatus.CHANGED for status in done.values())
-        host_report = HostReport(
-            host=host.name,
-            plan=started.plan,
-            run=started.run,
-            ending=ending,
-            changed=changed,
-            unchanged=len(done) - changed,
-            total=len(started.steps),
-            purpose=started.purpose,
-            resumed=resumed,
-            host_plan=started.host_plan if started.run is RunKind.APPLY else None,
-        )
-        return RunReport(ending=ending, hosts=(host_report,), findings=problems)
 
-    total = len(started.steps)
-    for number in (number for number in range(total) if number not in done):
-        if control.should_stop():
-            return report(RunEnding.INTERRUPTED)
-        step = started.steps[number]
-        reporter.step_started(host.name, number + 1, total, step)
-        outcome = _perform(host, scope, number, step, was_begun=number in begun)
-        if isinstance(outcome, Diagnostic):
-            refused = outcome.code in {refusals.MOVED.code, refusals.LOCKED.code}
-            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
-        done[number] = outcome
-        reporter.step_ended(host.name, number + 1, total, step, outcome)
-
-    host.record(
-        RunClosed(closing=Closing.DONE)
-    )  # every step is done: another run would find nothing left of a deviation
-    deviations = tuple(_deviations(host, started, scope))
-    return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
+def _host_report(host: str, journal: Journal, done: Mapping[int, StepStatus], ending: RunEnding) -> HostReport:
+    started = journal.started
+    changed = sum(status is StepStatus.CHANGED for status in done.values())
+    return HostReport(
+        host=host,
+        plan=started.plan,
+        run=started.run,
+        ending=ending,
+        changed=changed,
+        unchanged=len(done) - changed,
+        total=len(started.steps),
+        purpose=started.purpose,
+        resumed=bool(journal.steps),
+        host_plan=started.host_plan if started.run is RunKind.APPLY else None,
+    )
 
 
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
@@ -141,7 +186,7 @@ def _deviations(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterat
 
 
 def _expected(steps: Iterable[Step]) -> Mapping[Address, Readings]:
-    """Return what each address shows once these steps are done, in their order."""
+    """Return the readings of each address once these steps are done, in their order."""
     expected: dict[Address, dict[str, Reading]] = {}
     for step in steps:
         # A machine that is made again has the address of the old one, but not its id: the last address counts.
@@ -231,7 +276,7 @@ def run_there(host: RobotHost, command: str, job: ApplyJob | RunJob, control: Ru
     try:
         return decode(RunReport, answer)
     except NotDecodable as problem:
-        raise HostFailed(host.name, f"its report cannot be read: {problem}", "Look there: rarms history.") from None
+        raise HostFailed(host.name, f"its report cannot be read: {problem}", "Check the host: rarms history.") from None
 
 
 def without_plans(report: RunReport) -> RunReport:

@@ -7,7 +7,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan
+from rarms_iac.model.plan import GuestTask, HostPlan, HostSteps, Plan, RunIdentity
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.powershell.literals import NoLiteral, unreadable
 from rarms_iac.powershell.render import insides, render_scripts, script_name
@@ -24,7 +24,7 @@ def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locat
         replaceable: names in lower case of shipped classes that may be taken over.
         machine: the id of the partition's machine; empty where there is none yet.
     """
-    assert task_class.record is not None, "what is wanted is recorded"
+    assert task_class.record is not None, "a wanted class has a record"
     return GuestTask(
         partition=task_class.inside,
         name=task_class.name,
@@ -43,17 +43,21 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
     unseen = {task.partition for task in host_plan.guest_tasks or ()}
     for inside in filter(None, insides(host_plan)):
         name = script_name(host_plan, inside)
-        how = "could not be looked into: its own record decides what is done" if inside in unseen else "was looked into"
+        how = "could not be read: the script decides by its own record" if inside in unseen else "was read"
         yield BY_HAND.at(
             locate(Address(partition=inside)),
-            "The task classes of {partition} lie in its guest, which {_how}. The plan holds the script that "
-            "writes them, {script}; applying the plan does not run it.",
+            (
+                "The task classes of {partition} are in its guest, which {_how}. The plan contains the script "
+                "that writes them, {script}, but applying the plan does not run it."
+            ),
             prose(
                 "Write it out (",
                 command("show", "PLAN", script=True, guest=inside, out="FOLDER"),
-                "), take it and its undo script into the guest, and run it there as administrator. The next "
-                f"plan compares what observe.ps1 printed inside: `--snapshot {host_plan.host.name}.guest.{inside}"
-                "=FILE`.",
+                (
+                    "), copy it and its undo script into the guest, and run it there as administrator. To compare "
+                    "the guest in the next plan, run observe.ps1 inside and give its output: `--snapshot "
+                    f"{host_plan.host.name}.guest.{inside}=FILE`."
+                ),
             ),
             address=f"partition/{inside}",
             partition=inside,
@@ -74,21 +78,26 @@ def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
     hosts: list[HostPlan] = []
     findings: list[Diagnostic] = []
     for part in plan.hosts:
-        scripts: Mapping[str, bytes] = {}
-        if part.facts.provider is ProviderKind.HYPERV:
-            try:
-                scripts = render_scripts(part, plan)
-            except NoLiteral as error:
-                findings.append(_no_literal(part, error))
-        findings += [problem for name, script in scripts.items() for problem in unreadable(script, name)]
-        hosts.append(replace(part, scripts={name: text.decode("ascii") for name, text in scripts.items()}))
+        scripts, problems = scripts_of(part, plan) if part.facts.provider is ProviderKind.HYPERV else ({}, ())
+        hosts.append(replace(part, scripts=scripts))
+        findings += problems
     return replace(plan, hosts=tuple(hosts)), tuple(findings)
 
 
-def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:
+def scripts_of(on: HostSteps, run: RunIdentity) -> tuple[Mapping[str, str], tuple[Diagnostic, ...]]:
+    """Return the scripts of a host by file name, and what forbids to show or run one of them."""
+    try:
+        scripts = render_scripts(on, run)
+    except NoLiteral as error:
+        return {}, (_no_literal(on.host.name, error),)
+    problems = tuple(problem for name, script in scripts.items() for problem in unreadable(script, name))
+    return {name: text.decode("ascii") for name, text in scripts.items()}, problems
+
+
+def _no_literal(host: str, error: NoLiteral) -> Diagnostic:
     return SCRIPT_REFUSED.of_host(
-        part.host.name,
+        host,
         "{host}: {reason}.",
-        "Take the character out of the name or path where the manifest or the host says it.",
+        "Remove the character from the name or path in the manifest or on the host.",
         reason=str(error),
     )

@@ -23,7 +23,6 @@ from rarms_iac.model.journal import (
     StepStatus,
     history_of,
 )
-from rarms_iac.model.operation_effects import reversal
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.version import __version__
@@ -39,13 +38,13 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from rarms_iac.storage.marks import ForeignValue, foreign_values
+from rarms_iac.texts.plans import reversal_title
 
 
 def undo(host: LiveHost, origin: RunOrigin, control: RunControl = UNATTENDED_RUN, *, keep: bool = False) -> RunReport:
     """Undo the last apply, finished or not; an undo that was interrupted is finished. The host is held.
 
     Args:
-        control: hears of each step.
         keep: leave what `repaired_addresses` names as it was applied; `why_not_kept` was asked before.
     """
     try:
@@ -79,7 +78,7 @@ def can_be_undone(journal: Journal | ScriptRun) -> bool:
 
 
 def without_rights(host: LiveHost) -> RunReport | None:
-    """Return why nothing begins on a host whose rights are not proven; None if they are."""
+    """Return the refusal of a host whose rights are not proven; None if they are."""
     facts = host.observe().facts
     if facts.rights is Rights.PROVEN:
         return None
@@ -158,7 +157,7 @@ def steps_undone(journal: Journal, spared: frozenset[Address] = frozenset()) -> 
     return tuple(
         UndoneStep(
             address=str(step.address),
-            title=reversal(step, changes).title if step.undo.operation else step.title,
+            title=reversal_title(step, changes) if step.undo.operation else step.title,
             level=step.undo.level,
         )
         for _, step in steps_to_undo(journal, spared)
@@ -167,7 +166,7 @@ def steps_undone(journal: Journal, spared: frozenset[Address] = frozenset()) -> 
 
 
 def script_undone(run: ScriptRun) -> tuple[str, ...]:
-    """Return what the host's undo script says of itself; findings have what it cannot bring back and foreign values."""
+    """Return the help of the host's undo script, without losses and foreign values, which are findings."""
     script = run.started.script if run.started.run is RunKind.UNDO else run.started.undo
     return tuple(line for line in description_of(script) if not line.startswith((NOT_UNDONE, FOREIGN)))
 
@@ -201,7 +200,6 @@ def undo_findings(
     """Warn of each step of the run that cannot be undone wholly, and of each foreign value that the undo sets again.
 
     Args:
-        journal: the last run there.
         spared: what is left as it was applied.
     """
     match journal:
@@ -244,7 +242,7 @@ def why_not_kept(host: LiveHost, journal: Journal | ScriptRun) -> str:
         address for address, (before, after) in claims.items() if address not in spared and after.is_less_than(before)
     ]
     if grown and growing:
-        return f"{min(map(str, growing))} may need what {min(map(str, grown))} would keep"
+        return f"{min(map(str, growing))} may need the capacity that {min(map(str, grown))} would keep"
     return ""
 
 
@@ -271,7 +269,7 @@ def undo_run(journal: Journal, origin: RunOrigin, spared: frozenset[Address] = f
     started = journal.started
     changes = started.host_plan.changes_by_address
     taken = (step for _, step in steps_to_undo(journal, spared) if step.undo.operation is not None)
-    steps = tuple(reversal(step, changes) for step in taken)
+    steps = tuple(step.reversed(reversal_title(step, changes)) for step in taken)
     return replace(
         started,
         run=RunKind.UNDO,

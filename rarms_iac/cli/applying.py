@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.applying import apply, finish_runs
+from rarms_iac.app.applying import apply, finish_runs, refuse_provisional
 from rarms_iac.app.control import Control
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.plan_files import plan_key, write_plan_file
@@ -22,14 +22,14 @@ from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.checks.names import NOT_USED
-from rarms_iac.model.commands import PROVE, STATUS, RecommendedCommand, command, prose
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import ROUNDED, Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.console import paragraph
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
-from rarms_iac.views.run import run_text
+from rarms_iac.views.run import next_command, run_text
 
 
 def show_plan(session: Session, plan: Plan, sources: Sources) -> None:
@@ -42,12 +42,17 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
     write_plan_file(path, plan)
     if plan.needs_key and plan_key() is None:
         advice = (
-            " It is not signed, and the manifest says `signed_plans: true`, so `rarms apply` will refuse it: set "
-            "RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE and plan again."
+            " It is not signed, but the manifest has `signed_plans: true`, so `rarms apply` will refuse it. "
+            "Set RARMS_PLAN_KEY or RARMS_PLAN_KEY_FILE, and plan again."
         )
     else:
         words = shlex.join(["rarms", "apply", path, *overlay_words(plan.overlays)])
         advice = f" Apply it with: {words}" if plan.has_changes else ""
+        if not plan.accepts_provisional and any(host.needs_consent for host in plan.hosts):
+            advice = (
+                " It sets provisional reservations, so `rarms apply` will refuse it: measure, or plan again with "
+                "--accept-provisional."
+            )
     session.terminal.tell(f"Wrote the plan to {path}.{advice}")
 
 
@@ -88,33 +93,43 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         plan = _plan_or_wait(looked if earlier is None else hosts, request, how)
     is_idle = not any(part.steps for part in plan.hosts)
     if not (how.auto_approve or session.terminal.answers or (finished and is_idle)):
-        raise RequestError(
-            "There is no terminal to ask at.",
-            prose(
-                "Give --auto-approve, or write the plan down, have it reviewed, and apply that: ",
-                command("plan" if request.purpose is Purpose.APPLY else request.purpose.value, out="FILE"),
-                ", then ",
-                command("apply", "FILE"),
-                ".",
-            ),
-        )
-    # `validate` and `plan` say what the manifest does not use. Where no reservation is made, none of the manifest is
-    # rounded; a machine's own fraction, which has no place in the manifest, is said.
-    left_out = {NOT_USED.code} | ({ROUNDED.code} if plan.purpose is not Purpose.APPLY else set())
-    findings = tuple(each for each in plan.findings if each.code not in left_out or each.place is None)
-    text = plan_text(replace(plan, findings=findings), sources=hosts.manifest.sources)
+        raise _no_terminal(request.purpose)
+    text = plan_text(_as_asked(plan), sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)
     else:
         session.terminal.show(text)
     if is_idle:
         return report_end(session, RunReport(ending=RunEnding.NOTHING), before=finished, quiet=True)
+    refuse_provisional(plan)
     if not how.auto_approve:
         ask(session, "Do this?")
-    following = None
-    if plan.purpose is Purpose.APPLY and not session.answer_follows:
-        following = PROVE if any(component.apt for component in hosts.system.components.values()) else STATUS
-    return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished, following=following)
+    return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished)
+
+
+def _no_terminal(purpose: Purpose) -> RequestError:
+    return RequestError(
+        "rarms cannot ask: standard input is not a terminal.",
+        prose(
+            "Give --auto-approve, or write a plan file and apply it: ",
+            command("plan" if purpose is Purpose.APPLY else purpose.value, out="FILE"),
+            ", then ",
+            command("apply", "FILE"),
+            ".",
+        ),
+    )
+
+
+def _as_asked(plan: Plan) -> Plan:
+    """Return the plan without the findings that do not help to decide.
+
+    `validate` and `plan` say what the manifest does not use. Where no reservation is made, none of the manifest is
+    rounded; a machine's own fraction, which has no place in the manifest, is said.
+    """
+    left_out = {NOT_USED.code} | ({ROUNDED.code} if plan.purpose is not Purpose.APPLY else set())
+    return replace(
+        plan, findings=tuple(each for each in plan.findings if each.code not in left_out or each.place is None)
+    )
 
 
 def _plan_or_wait(hosts: Hosts, request: PlanRequest, how: RunOptions) -> Plan | None:
@@ -148,7 +163,7 @@ def ask(session: Session, question: str, other: str = "") -> str:
     """
     try:
         session.terminal.flush()
-        answers = f"Type `yes` or `{other}`" if other else "Only `yes` does it"
+        answers = f"Type `yes` or `{other}`" if other else "Type `yes` to confirm"
         session.terminal.status(f"\n{question} {answers}: ")
         answer = sys.stdin.readline()
     except Interrupted:
@@ -168,15 +183,13 @@ def report_end(
     quiet: bool = False,
     shown: Sequence[Diagnostic] = (),
     before: Sequence[RunReport] = (),
-    following: RecommendedCommand | None = None,
 ) -> ExitCode:
-    """Say how a run ended, and give the command's exit code.
+    """Say how a run ended and which command is next, and give the command's exit code.
 
     Args:
         quiet: write no sentence about it.
         shown: findings that were shown before it began.
         before: runs of this command whose end was shown; the answer in JSON has them as well.
-        following: the next command after a run that is done.
     """
     tell(session.terminal, [finding for finding in report.findings if finding not in shown])
     whole = combined_report([*before, report])
@@ -184,7 +197,8 @@ def report_end(
         session.terminal.data(json_of(whole, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
-        if following is not None and whole.ending is RunEnding.DONE:
+        following = next_command(report, answers=session.terminal.answers)
+        if following is not None and whole.ending is RunEnding.DONE and not session.answer_follows:
             session.terminal.talk(paragraph(prose("Next: ", following)))
     return code_of(session, whole.ending)
 

@@ -57,7 +57,6 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
     """Make a click command of a function that takes the session and its requests, and returns the exit code.
 
     Args:
-        name: one of `COMMANDS`.
         json: whether it takes `--json`, which the session then knows.
     """
 
@@ -219,7 +218,7 @@ class _WordChoice(click.Choice[Any]):
         param: click.Parameter,  # noqa: ARG002 - click's
         ctx: click.Context | None,  # noqa: ARG002 - likewise
     ) -> str:
-        """Return what may be written in place of what is missing."""
+        """Return the choices, for the message about a missing argument."""
         return f"Choose from: {', '.join(self.choices)}."
 
 
@@ -244,7 +243,7 @@ class _ReadValue(click.ParamType[object]):
         self.read = read
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
-        """Return what the reader makes of the word.
+        """Return the value that the reader makes of the word.
 
         Raises:
             click.BadParameter: the reader refuses the word.

@@ -80,7 +80,7 @@ def completion_script(shell: str) -> str:
 
 
 def completer_of(field: str, metavar: str | None) -> Completer | None:
-    """Return what completes the value of a request's field; None: click knows, or nothing does."""
+    """Return the completion of a request's field; None: click knows, or nothing does."""
     if field == "output":
         return lambda _context, _parameter, text: _starting_with(text, _output_forms())
     if field in _SECTIONS:

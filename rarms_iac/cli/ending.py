@@ -20,7 +20,7 @@ from rarms_iac.model.commands import Wording
 
 
 class ExitCode(IntEnum):
-    """How a command ended."""
+    """The ending of a command."""
 
     DONE = 0  # done, nothing to do, or warnings only
     FAILED = 1  # the tool or a host failed, or a host cannot be reached

@@ -35,7 +35,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
 def run_guarded(
     session: Session, arguments: Sequence[str], invoke: Callable[[Session, Sequence[str]], ExitCode]
 ) -> ExitCode:
-    """Return what the command answers; every exception becomes words on standard error and an exit code."""
+    """Return the command's exit code; every exception becomes words on standard error and an exit code."""
     terminal = session.terminal
     try:
         with session.interrupts.listening():
@@ -78,7 +78,7 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
 
 
 def usage_text(error: click.UsageError) -> "RenderableType":
-    """Return what was wrong with the words, and where the right ones are listed."""
+    """Return the usage, the error in the words and the advice."""
     from rarms_iac.views.console import paragraph, stack
 
     usage = paragraph(error.ctx.get_usage()) if error.ctx else None

@@ -17,33 +17,33 @@ from rarms_iac.model.commands import INIT, prose
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "init": "Write a commented manifest to start from.",
-        "validate": "Check manifests; needs no host.",
+        "validate": "Check manifests without a host.",
         "fmt": "Write manifests in their canonical form, comments kept.",
         "install": "Install rarms on Linux hosts over ssh, or remove it there.",
-        "doctor": "Tell what makes a plan ineffective or unsafe on the hosts.",
-        "status": "Show what is on the hosts, what was proven, and what to do next.",
+        "doctor": "Check that the hosts can honour reservations.",
+        "status": "Show the state of the hosts, the proofs, and the next command.",
         "measure": "Find the reservations that components need.",
         "select": "Choose the performance that is good enough for a component.",
         "tune": "Combine components so that their reservations fit.",
         "plan": "Show what would change on the hosts.",
         "show": "Show a plan file.",
-        "apply": "Do what a plan says, or plan, ask and do it.",
+        "apply": "Apply a plan file, or plan, ask and apply.",
         "undo": "Undo the last apply.",
-        "history": "Tell what was applied by whom and when, and what was undone.",
+        "history": "List the applies and undos on the hosts.",
         "prove": "Run the applied layout and compare it with the thresholds.",
         "stop": "Stop partitions until they are started again.",
         "start": "Start partitions that were stopped.",
-        "destroy": "Remove what rarms made for this application.",
-        "drift": "Tell what changed on the hosts, and what is not applied yet.",
-        "import": "Take over a partition that rarms did not make.",
-        "release": "Let go of a partition: it stays, rarms forgets it.",
-        "snapshot": "Write down what a host looks like.",
-        "run": "Run components on this machine, to see whether their `run` is right.",
+        "destroy": "Remove all that rarms created for this application.",
+        "drift": "Show changes that were made outside rarms, and changes not applied yet.",
+        "import": "Manage a partition that rarms did not create.",
+        "release": "Stop managing a partition without changing it.",
+        "snapshot": "Save the state of a host in a file.",
+        "run": "Run components on this machine, to check their `run`.",
         "graph": "Draw hosts, partitions and components.",
         "report": "Show performance against reservation, as a page with lines to drag.",
-        "studio": "Serve measuring, planning and applying as a page on this machine.",
-        "export": "Write what was measured as CSV or XLSX.",
-        "explain": "Explain a finding, or how a component comes to what it gets.",
+        "studio": "Open a local page to measure, plan and apply.",
+        "export": "Write the measurements as CSV or XLSX.",
+        "explain": "Explain a finding, or why a component gets its reservation.",
         "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",
         "simulate": "Change a simulated host as another tool would.",
@@ -83,14 +83,14 @@ def all_commands() -> dict[str, click.Command]:
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
 
 \b
-  rarms            see how things stand, and what to do next
+  rarms            show the state and the next command
   rarms init       write a first manifest
   rarms validate   check it
-  rarms plan       see what would change
-  rarms apply      do it
+  rarms plan       show the changes
+  rarms apply      make the changes
 """
 
-EPILOG = "`rarms COMMAND --help` tells more of each; `rarms explain RARMS014` explains a finding."
+EPILOG = "`rarms COMMAND --help` describes a command; `rarms explain RARMS014` explains a finding."
 
 
 class LazyGroup(click.Group):
@@ -146,9 +146,9 @@ class LazyGroup(click.Group):
         if args and ctx.obj is not None:
             ctx.obj.command = args[0]  # before it is imported: an interrupt may come as early
         if args and args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
-            from rarms_iac.model.wording import suggestion
+            from rarms_iac.texts.messages import suggestion
 
-            raise click.UsageError(f'There is no command "{args[0]}".{suggestion(args[0], COMMANDS)}', ctx)
+            raise click.UsageError(f'Unknown command "{args[0]}".{suggestion(args[0], COMMANDS)}', ctx)
         return super().resolve_command(ctx, args)
 
 

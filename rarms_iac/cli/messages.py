@@ -32,7 +32,7 @@ class OutputOptions:
     output: tuple[str, ...] = option(
         "--output",
         metavar="FORMAT[=FILE]",
-        help="How: text, json, sarif, junit, github, markdown; repeatable, each to a place of its own.",
+        help="The format: text, json, sarif, junit, github or markdown; repeatable, each to its own file.",
         default=(),
     )
 
@@ -63,7 +63,7 @@ class StopOptions:
             RequestError: they are to be stopped and to go on.
         """
         if self.stop_partitions and on_busy_host:
-            raise RequestError("Give one of --stop-partitions and --on-busy-host.")
+            raise RequestError("Give only one of --stop-partitions and --on-busy-host.")
         return self.stop_partitions
 
 
@@ -95,7 +95,7 @@ def write_outputs(
 
 
 class TerminalReporter:
-    """What a use case tells while it works, for a person at a terminal; progress ends with the `with` block."""
+    """The messages and progress of a use case, for a person at a terminal; progress ends with the `with` block."""
 
     def __init__(self, session: Session, *, steps_as_json: bool = False) -> None:
         self._terminal = session.terminal
@@ -128,7 +128,7 @@ class TerminalReporter:
         """Settings that are measured, in a table that is updated in place."""
         from rarms_iac.views.progress import MeasuringProgress
 
-        return MeasuringProgress(self._terminal.talk, time.monotonic, self._terminal.live_table())
+        return MeasuringProgress(self._terminal.talk, time.monotonic, self._terminal.live_line())
 
     def message(self, text: str) -> None:
         """Write whole sentences."""
@@ -140,8 +140,10 @@ class TerminalReporter:
 
 
 def stopped(session: Session) -> ExitCode:
-    """Say that the wish to end was heard, and how to go on; how the command ends: an answer `q` is no failure."""
-    session.terminal.tell("Stopped. Results are saved; run the same command to continue.")
+    """Say that the wish to end was heard, and how to go on; how the command ends: an answer `q` is not a failure."""
+    session.terminal.tell(
+        "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
+    )
     return session.interrupts.exit_code or ExitCode.DONE
 
 

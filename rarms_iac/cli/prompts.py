@@ -1,6 +1,7 @@
 """What is asked at a terminal: levels of performance, combinations, and whether something is stopped or written."""
 
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from textwrap import fill
@@ -8,6 +9,7 @@ from textwrap import fill
 import click
 
 from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection
@@ -16,7 +18,7 @@ from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.measuring.level_prompt import CombiningOffer, SessionEnded
-from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, attached_of
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.planner.combining.oracle import Members
@@ -28,16 +30,16 @@ from rarms_iac.views.tune import TuningProgress, tuned_text
 
 
 def refuse_without_terminal(session: Session, source: ManifestSource, advice: Wording) -> None:
-    """Refuse to ask where there is no user to answer, or where the answer cannot be written into a file.
+    """Refuse to ask without a user to answer, or where the answer cannot be written into a file.
 
     Args:
         advice: what to do without a terminal.
 
     Raises:
-        RequestError: There is no terminal, or the manifest is standard input.
+        RequestError: no terminal, or the manifest is standard input.
     """
     if not session.terminal.answers:
-        raise RequestError("There is no terminal to ask at.", advice)
+        raise RequestError("rarms cannot ask: standard input is not a terminal.", advice)
     refuse_standard_input(source)
 
 
@@ -95,7 +97,7 @@ class TerminalTuningPrompt(TuningProgress):
     """A `TuningPrompt` that shows how the search goes, and asks once for each combination, if at all."""
 
     def __init__(self, session: Session, *, asks: bool = True) -> None:
-        super().__init__(session.terminal.talk, session.terminal.live_table())
+        super().__init__(session.terminal.talk)
         self._session = session
         self._asks = asks
         self._answers: dict[Members, bool] = {}
@@ -121,7 +123,6 @@ class TerminalCombiningPrompt(TerminalTuningPrompt):
 
     def confirms(self, found: TuningResult) -> bool:
         """Show the partitions, and ask."""
-        self.ended()
         self._session.terminal.talk(tuned_text(found))
         return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 
@@ -133,7 +134,7 @@ def measuring_control(session: Session, *, stop_partitions: bool) -> Control:
 
 
 def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
-    """Return who allows stopping partitions to measure: the option, or a user at a terminal, asked once per host."""
+    """Return the permission to stop partitions to measure: the option, or a user at a terminal, asked once per host."""
     if stop_partitions:
         return always_consents
     if session.as_json or not session.terminal.answers:
@@ -147,6 +148,19 @@ def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
             raise click.exceptions.Exit(stopped(session)) from None
 
     return asked
+
+
+def with_attach_consent(session: Session, hosts: Hosts, request: MeasureRequest) -> MeasureRequest:
+    """Ask at a terminal whether services and containers that run already may be slowed down, unless that was said."""
+    if request.attach or session.as_json or not session.terminal.answers:
+        return request
+    known = [name for name in request.components if name in hosts.system.components]
+    names = attached_of(hosts, replace(request, components=tuple(known)))
+    try:
+        consents = bool(names) and ask_yes_or_no(session, questions.attach_question(names))
+    except SessionEnded:
+        raise click.exceptions.Exit(stopped(session)) from None
+    return replace(request, attach=consents)
 
 
 def read_answer(session: Session, question: Question) -> str:
@@ -187,10 +201,9 @@ def ask_yes_or_no(session: Session, question: Question) -> bool:
 
 
 def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> None:
-    """Refuse to use all idle time of hosts where there is no terminal to say so at, before anything is done.
+    """Refuse to use all idle time of hosts where nobody can be asked, before anything is done.
 
     Args:
-        loads: whether loads will run.
         load_host: whether that was asked for.
 
     Raises:
@@ -198,6 +211,6 @@ def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> No
     """
     if loads and not load_host and not session.terminal.answers:
         raise RequestError(
-            "A proof uses all idle time of the hosts, and there is no terminal to say so at.",
-            prose("Give --load-host, or prove what holds without a load: ", command("prove", without_load=True), "."),
+            "A proof uses all idle time of the hosts. rarms cannot ask for that: standard input is not a terminal.",
+            prose("Allow it with --load-host, or prove without a load: ", command("prove", without_load=True), "."),
         )

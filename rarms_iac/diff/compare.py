@@ -12,10 +12,11 @@ from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRul
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
-from rarms_iac.model.facets import LABELS, setting_text
+from rarms_iac.model.facets import LABELS
 from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import in_a_row, quoted
+from rarms_iac.texts.plans import setting_text
 
 
 def compare(
@@ -51,8 +52,8 @@ def compare(
     )
 
 
-FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
-NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
+FOREIGN_MARK = Finding.warning("RARMS151", "A mark of rarms is not valid")
+NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state in which it cannot be changed")
 
 
 _WORDS = {**LABELS, "quota_period_us": "period of the limit", "running": "whether it runs"}
@@ -104,7 +105,7 @@ def _partition_change(
     if before is None:
         assert after is not None
         return Create(
-            address=address, after=after, reason=Reason(message="it is not there", place=rules.locate(address))
+            address=address, after=after, reason=Reason(message="it does not exist", place=rules.locate(address))
         )
     if after is None:
         return _deletion(address, before, context, rules)
@@ -119,7 +120,7 @@ def _deletion(address: Address, before: Partition, context: StepContext, rules: 
         return _protected(address.partition, "it would be removed", place)
     if before.state in {RunState.BUSY, RunState.CRITICAL}:
         return not_at_rest(address, before.state, place)
-    why = "the manifest no longer names it" if is_unnamed else "it is not wanted on this host"
+    why = "the manifest no longer names it" if is_unnamed else "it is not planned for this host"
     loses_nothing = is_unnamed and before.id in context.restorable
     disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
     return Delete(address=address, before=before, reason=Reason(message=why, place=place), disruption=disruption)
@@ -131,7 +132,7 @@ def _update(
     name, place = address.partition, rules.locate(address)
     disruption = disruption_of_update(before, after.settings, context)
     if disruption is Disruption.REMOVAL and name in rules.protected:
-        return _protected(name, "a change of its generation would remove it and make it again", place)
+        return _protected(name, "a change of its generation removes it and creates it again", place)
     if not can_change_now(before, after.settings, context):
         return not_at_rest(address, before.state, place)
     unused = name in rules.unused
@@ -155,17 +156,17 @@ def _is_unchanged(before: Partition, after: Partition) -> bool:
 def _describe_difference(before: Partition, after: Partition, context: StepContext) -> str:
     stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NO_USER
     if stopped_by is not StoppedBy.NO_USER and before.settings.running:
-        return "it was stopped by rarms, and started with another tool"
+        return "rarms stopped it, and another tool started it"
     if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
-        return "`rarms measure` stopped it and ended before it started it again"
+        return "`rarms measure` stopped it and was interrupted"
     old, new = before.settings, after.settings
     differing = [_WORDS[name] for name in LABELS if setting_text(name, old) != setting_text(name, new)]
     if not differing and before.mark and after.mark and before.mark.protected != after.mark.protected:
-        return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
+        return f"its mark is {'protected' if after.mark.protected else 'not protected any more'}, as in the manifest"
     if not differing and before.mark and after.mark and before.mark.robot != after.mark.robot:
         return f"its mark does not name the robot {quoted(after.mark.robot)}"
     if not differing:
-        return "its mark is written again: it does not say what was last written"
+        return "its mark does not have the settings that were last written"
     stop = "; it is stopped to change that" if stops(before, after.settings, context) and after.settings.running else ""
     if stop and (why := why_memory_needs_off(before, after.settings, context)):
         stop += f" (memory: {why})"
@@ -182,10 +183,12 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
         if partition.foreign_mark:
             yield FOREIGN_MARK.at(
                 None,
-                "Machine {name:quoted} ({machine}) carries a line that looks like a mark of rarms, but "
-                "{foreign_mark}. It counts as unmanaged.",
+                (
+                    "Machine {name:quoted} ({machine}) has a line that looks like a mark of rarms, but "
+                    "{foreign_mark}. rarms does not manage this machine."
+                ),
                 prose(
-                    "Take the line out of its notes, or adopt the right machine with ",
+                    "Remove the line from its notes, or import the correct machine with ",
                     command("import", "PARTITION", id="ID"),
                     ".",
                 ),
@@ -222,11 +225,15 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
         An error that offers to import the machine or to rename the partition.
     """
     name = machine.settings.name
-    owner = f"belongs to application {quoted(machine.mark.application)}" if machine.mark else "carries no mark of rarms"
+    owner = (
+        f"belongs to application {quoted(machine.mark.application)}"
+        if machine.mark
+        else "does not have a mark of rarms"
+    )
     return FOREIGN_AT_NAME.at(
         place,
         "The host has a machine {partition:quoted} (id {machine}) that {owner}.",
-        prose("Run ", command("import", name, id=machine.id), " to take it over, or give the partition another name."),
+        prose("Run ", command("import", name, id=machine.id), " to import it, or give the partition another name."),
         address=f"partition/{name}",
         partition=name,
         machine=machine.id,
@@ -238,8 +245,8 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
 def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
     return MAY_NOT_CHANGE.at(
         place,
-        "Partition {partition:quoted} says `protect: true`, and {reason}.",
-        "Take `protect` out first, in a change of its own, or keep the partition.",
+        "Partition {partition:quoted} has `protect: true`, but {reason}.",
+        "First remove `protect` in a separate change, or keep the partition.",
         address=f"partition/{name}",
         partition=name,
         reason=why,
@@ -249,10 +256,12 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
 def _protected_before(name: str) -> Diagnostic:
     return MAY_NOT_CHANGE.at(
         None,
-        "Partition {partition:quoted} said `protect: true` when it was last applied, and the manifest no "
-        "longer names it.",
+        (
+            "Partition {partition:quoted} had `protect: true` when it was last applied, but it is not in "
+            "the manifest now."
+        ),
         prose(
-            "Name it again without `protect` and apply, and take it out then; or let it go on without rarms: ",
+            "Add it again without `protect`, apply, and then remove it. To keep it without rarms: ",
             command("release", name),
             ".",
         ),
@@ -273,11 +282,11 @@ def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagn
     advice = {
         RunState.SAVED: "Start it, or discard its saved state, and plan again.",
         RunState.PAUSED: "Resume it or turn it off, and plan again.",
-        RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
+        RunState.CRITICAL: "Restore its storage, or remove it in Hyper-V, and plan again.",
     }.get(state, "Wait until it is off or running, and plan again.")
     return NOT_AT_REST.at(
         place,
-        "Partition {partition:quoted} is {state}; what has to change needs it off or running.",
+        "Partition {partition:quoted} is {state}, but the changes need it off or running.",
         advice,
         address=str(address),
         partition=address.partition,

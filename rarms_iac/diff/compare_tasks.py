@@ -10,7 +10,7 @@ from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
 from rarms_iac.model.wording import quoted
 
-GUEST_FIRST = Finding.note("RARMS157", "A shipped task class of a new guest waits for the next plan")
+GUEST_FIRST = Finding.note("RARMS157", "A task class of Windows in a new guest waits for the next plan")
 
 
 _PATTERN = re.compile(r"[*?\[\]`]")
@@ -57,7 +57,7 @@ def _remove(difference: Difference, before: TaskClass, inside: str) -> None:
     if problem := not_restorable(address, before, None):
         difference.findings.append(problem)
         return
-    reason = Reason(message="no component here names it any more")
+    reason = Reason(message="no component of this system uses it now")
     difference.changes.append(
         Delete(address=address, before=before, reason=reason, disruption=disruption_of_task(inside))
     )
@@ -69,7 +69,7 @@ def _compare_wanted(
     address = _task_address(after.inside, after, before)
     place, disruption = rules.locate(address), disruption_of_task(after.inside)
     if before is None or (not before.values and before.record is None):
-        reason = Reason(message="a component names it", place=place)
+        reason = Reason(message="a component uses it", place=place)
         difference.changes.append(Create(address=address, after=after, reason=reason, disruption=disruption))
         return
     is_managed = _is_managed(before, application)
@@ -96,7 +96,7 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
         place: the manifest line that asks for the change.
 
     Returns:
-        None where every value is of a type that scripts write, under a name that is no pattern.
+        None where every value is of a type that scripts write, under a name that is not a pattern.
     """
     recorded = before.record.before if before.record else None
     problems = {
@@ -109,8 +109,11 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
     names = ", ".join(f"{quoted(name or '(Default)')} ({why})" for name, why in sorted(problems.items()))
     return FOREIGN_AT_NAME.at(
         place,
-        "{resource} would be changed, and what it holds could not be brought back: {_names}. MMCSS knows nothing such.",
-        "Find out who wrote that, note it down, and take the value away by hand; then plan again.",
+        (
+            "{resource} would be changed, but these values could not be restored: {_names}. MMCSS does not "
+            "use such values."
+        ),
+        "Find out who wrote the value and note it. Remove it by hand, then plan again.",
         address=str(address),
         resource=str(address),
         value_names=tuple(sorted(problems)),
@@ -122,11 +125,11 @@ def _why_not_restorable(name: str, value: RegistryValue) -> str:
     if not value.is_restorable:
         return value.kind.value
     if name.lower() in {"", "(default)"}:
-        return "the key's own value, which no cmdlet takes away"  # they want a name, and match it with none
+        return "the default value of the key, which no cmdlet can remove"  # they want a name, and match it with none
     if name.lower() in POWERSHELL_MEMBERS:
-        return "PowerShell keeps its name for itself"  # a record that holds it cannot be read
+        return "its name is reserved in PowerShell"  # a record that holds it cannot be read
     # A cmdlet that takes a value away reads its name as a pattern: others could go along.
-    return "its name is a pattern" if _PATTERN.search(name) else ""
+    return "PowerShell reads its name as a pattern" if _PATTERN.search(name) else ""
 
 
 def _task_address(inside: str, task: TaskClass, present: TaskClass | None = None) -> Address:
@@ -138,7 +141,7 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
     address = Address(partition=task.inside, task=task.name)
     return GUEST_FIRST.at(
         rules.locate(address),
-        "{partition} is made by this plan, and what {task} is there can only be read afterwards.",
+        "This plan creates {partition}. The values of {task} in it can be read only afterwards.",
         "Apply this plan, then plan again: the next plan replaces the class.",
         address=str(address),
         partition=task.inside,
@@ -148,16 +151,16 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
 
 def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> Diagnostic:
     if before.record is not None:
-        owner = f"application {quoted(before.record.application)} wrote it"
-        advice = "Name another class in one of the two."
+        owner = f"the application {quoted(before.record.application)} wrote it"
+        advice = "Use another class in one of the two."
     elif is_shipped_task(before.name):
-        owner, advice = "Windows ships it", f"Say `tasks.{before.name}.replace_shipped: true` if that is meant."
+        owner, advice = "it comes with Windows", f"To replace it, write `tasks.{before.name}.replace_shipped: true`."
     else:
-        owner = "it was there before and carries no record of rarms"
-        advice = "Name another class, or remove this one by hand if nothing else uses it."
+        owner = "it exists already and rarms did not write it"
+        advice = "Use another class, or remove this one by hand if nothing else uses it."
     return FOREIGN_AT_NAME.at(
         place,
-        "Task class {task:quoted} is wanted, but {reason}.",
+        "rarms cannot write the task class {task:quoted}: {reason}.",
         advice,
         address=str(address),
         task=before.name,
@@ -215,20 +218,20 @@ def responsiveness_changes(
 def _describe_restored(before: Responsiveness) -> str:
     recorded = before.record.before if before.record else None
     if not recorded:
-        return "it was not there before"
+        return "it did not exist before"
     return f"{', '.join(str(value.data) for value in recorded.values())} comes back"
 
 
 def _undecided(application: str, place: Place | None) -> Diagnostic:
     if application:
         why = f"application {quoted(application)} set it"
-        advice = "Take `system_responsiveness` out of one of the two manifests."
+        advice = "Remove `system_responsiveness` from one of the two manifests."
     else:
-        why = "what it is now could not be read, so it could not be brought back"
-        advice = "Look at the host again with the rights of an administrator."
+        why = "its present value could not be read, so it could not be restored"
+        advice = "Plan again with the rights of an administrator."
     return NO_RESPONSIVENESS.at(
         place,
-        "`system_responsiveness` is wanted, but {_why}.",
+        "rarms cannot set `system_responsiveness`: {_why}.",
         advice,
         address=str(RESPONSIVENESS),
         application=application,

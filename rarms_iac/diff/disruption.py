@@ -4,15 +4,17 @@ Changes that disturb more than is allowed are held back, and with them those tha
 """
 
 from collections.abc import Mapping, Sequence
-from math import ceil
+from dataclasses import replace
+from math import ceil, floor
 
 from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of
 from rarms_iac.model.changes import Change, Create, Delete, Update
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import Claim, load_of
 from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HeldBack
-from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.quantities import Milliseconds, show_lp_percent
+from rarms_iac.model.starting import settings_at_start
 from rarms_iac.model.state import Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
@@ -22,7 +24,7 @@ SERVER_2016 = 14393
 
 
 def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
-    """Return how long a partition's guest may take to shut down.
+    """Return the grace of a partition's guest to shut down.
 
     Args:
         graces: by partition, in ms, as the manifest has them.
@@ -72,13 +74,13 @@ def why_memory_needs_off(before: Partition, after: PartitionSettings, context: S
     host_since = WINDOWS_10 if context.seen.facts.client else SERVER_2016
     guest_build = context.guest_builds.get(before.id, 0)
     if before.settings.dynamic_memory or after.dynamic_memory:
-        return "it is dynamic, or was"
+        return "its memory is or was dynamic"
     if context.seen.facts.os_build < host_since:
-        return f"the host's Windows has build {context.seen.facts.os_build}, and it takes {host_since}"
+        return f"the host has Windows build {context.seen.facts.os_build}; {host_since} is needed"
     if not guest_build:
-        return "its guest tells no build of Windows, and `guest.windows_build` says none"
+        return "its guest does not report its Windows build, and `guest.windows_build` is not set"
     if guest_build < WINDOWS_10:
-        return f"its guest's Windows has build {guest_build}, and it takes {WINDOWS_10}"
+        return f"its guest has Windows build {guest_build}; {WINDOWS_10} is needed"
     return ""
 
 
@@ -111,7 +113,7 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: S
 
 
 def disruption_of_task(inside: str) -> Disruption:
-    """Return how much a task class disturbs.
+    """Return the disruption of a task class's change.
 
     It takes effect when its Windows starts again (windows.md 6.3), and rarms restarts none for it.
 
@@ -173,8 +175,11 @@ def hold_back(changes: Sequence[Change], context: StepContext) -> tuple[tuple[Ch
         if change.disruption.exceeds(context.max_disruption)
     }
     held_back |= _changes_of_moves(changes, context)
-    while held_back:
-        more = {**_changes_without_name(changes, held_back), **_changes_without_capacity(changes, held_back, context)}
+    while True:
+        # What is held back keeps what it has, so each round may leave less room for starts.
+        more = _starts_without_room(changes, held_back, context)
+        if held_back:
+            more |= _changes_without_capacity(changes, held_back, context) | _changes_without_name(changes, held_back)
         if not more:
             break
         held_back = {**more, **held_back}
@@ -191,11 +196,43 @@ def _changes_of_moves(changes: Sequence[Change], context: StepContext) -> _Held:
     }
 
 
+def _starts_without_room(changes: Sequence[Change], held_back: _Held, context: StepContext) -> _Held:
+    """Find changes that start a partition whose larger reservation for its start the host does not have free.
+
+    What counts is what all partitions have in the end: so each of them can start again at any time later.
+    """
+    claims = {partition.id: claim_of(partition) for partition in context.seen.own}
+    claims |= {_key(change): _claims(change)[1] for at, change in enumerate(changes) if at not in held_back}
+    found: _Held = {}
+    for at, change in enumerate(changes):
+        starts = None if at in held_back else _claim_at_start(change, context)
+        others = [claim for key, claim in claims.items() if key != _key(change)]
+        if starts is not None and not context.fits((*others, starts)):
+            free = 100 * context.seen.capacity.processors - load_of((*context.seen.claims, *others)).percent
+            needs = show_lp_percent(starts.percent)
+            why = f"its start needs {needs}, and the host has {show_lp_percent(max(0, floor(free)))} free"
+            found[at] = HeldBack(change=change, why=why)
+    return found
+
+
+def _claim_at_start(change: Change, context: StepContext) -> Claim | None:
+    """Return what a change claims for the time of a start; None where it starts nothing, or with no more than later."""
+    match change:
+        case Create(after=Partition() as after):
+            starts = after.settings.running
+        case Update(before=Partition() as before, after=Partition() as after):
+            starts = after.settings.running and (not before.settings.running or stops(before, after.settings, context))
+        case _:
+            return None
+    larger = settings_at_start(after.settings, context.starting.get(change.address.partition)) if starts else None
+    return None if larger is None else replace(after, settings=larger).claim
+
+
 def _changes_without_name(changes: Sequence[Change], held_back: _Held) -> _Held:
     """Find changes onto a name that its holder, which is held back, keeps."""
     holders = {_name_before(entry.change): entry.change for entry in held_back.values()}
     return {
-        at: HeldBack(change=change, why=f"its name stays with {holders[change.address.partition].address}")
+        at: HeldBack(change=change, why=f"its name is used by {holders[change.address.partition].address}")
         for at, change in enumerate(changes)
         if at not in held_back
         and isinstance(change, Update)
@@ -226,7 +263,7 @@ def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, conte
     everything = {**claims, **{_key(changes[at]): pairs[at][1] for at in growing}}
     if context.fits(everything.values()):
         return {}
-    why = "it needs what a change that is held back would have given back"
+    why = "it needs capacity that a change would free which is held back"
     more: _Held = {}
     for at in sorted(growing, key=lambda at: (-context.rank(changes[at].address.partition)[0], changes[at].address)):
         claims_then = {**claims, _key(changes[at]): pairs[at][1]}

@@ -10,19 +10,22 @@ from enum import StrEnum
 
 from rarms_iac.diff.readings import partition_readings, task_readings
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Change, Create, Delete, Release
-from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
+from rarms_iac.model.facets import Readings, with_values
+from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun, open_starts
+from rarms_iac.model.operations import Set
 from rarms_iac.model.state import HostFacts, Partition, Responsiveness, StartAction, State, StoppedBy, TaskClass
 from rarms_iac.storage.json_text import digest, short
 from rarms_iac.storage.marks import set_of_values, was_changed
 
 
 class DriftKind(StrEnum):
-    """How a resource differs from what rarms last wrote, or from the manifest."""
+    """The difference of a resource from what rarms last wrote, or from the manifest."""
 
     HOST_CHANGED = "host_changed"  # it is not as it was written
     NOT_APPLIED = "not_applied"  # the manifest wants something else than was written
     BOTH = "both"
     MISSING = "missing"  # wanted, and there is nothing of ours: never applied, or taken away again
+    UNMANAGED = "unmanaged"  # wanted, and a machine of its name does not carry our mark
     REMOVED = "removed"  # rarms left it on the host, and it is gone
     UNUSED = "unused"  # ours, and the manifest no longer wants it; stopped already
 
@@ -105,15 +108,22 @@ def _partitions(
 ) -> Iterator[ResourceDrift]:
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     wanted = {partition.settings.name: partition for partition in desired.partitions}
+    others = {partition.settings.name for partition in observed.partitions if partition.mark is None}
     for name in sorted({*there, *wanted}):
         address = Address(partition=name, machine=there[name].id if name in there else "")
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
-        if kind is DriftKind.MISSING and last_run is not None:
-            yield _of_kind(address, DriftKind.REMOVED) if name in last_run else _never_applied(address)
+        if kind is DriftKind.MISSING and name in (last_run or frozenset()):
+            yield _of_kind(address, DriftKind.REMOVED)
+        elif kind is DriftKind.MISSING and name in others:
+            yield _of_kind(address, DriftKind.UNMANAGED)
+        elif kind is DriftKind.MISSING and last_run is not None:
+            yield _never_applied(address)
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
-            message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
+            message = "`rarms measure` stopped it and was interrupted; `rarms start` starts it"
             if there[name].settings.running:
-                message = "it runs, but its mark says that `rarms measure` stopped it: `rarms start` corrects the mark"
+                message = (
+                    "it is running, but its mark has it as stopped by `rarms measure`; `rarms start` corrects the mark"
+                )
             yield ResourceDrift(address=address, drift=kind, message=message)
         elif kind is not None:
             yield _of_kind(address, kind)
@@ -124,7 +134,7 @@ def _of_kind(address: Address, kind: DriftKind) -> ResourceDrift:
 
 
 def _never_applied(address: Address) -> ResourceDrift:
-    message = "it is not on the host: it was never applied, or rarms removed it"
+    message = "it is not on the host: not applied yet, or removed by rarms"
     return ResourceDrift(address=address, drift=DriftKind.MISSING, message=message)
 
 
@@ -198,15 +208,17 @@ def _describe(kind: DriftKind) -> str:
         case DriftKind.HOST_CHANGED:
             return "it was changed on the host since rarms wrote it"
         case DriftKind.NOT_APPLIED:
-            return "the manifest wants something else than was last applied"
+            return "the manifest changed after the last apply"
         case DriftKind.BOTH:
-            return "it was changed on the host, and the manifest wants something else than was last applied"
+            return "it was changed on the host, and the manifest changed after the last apply"
         case DriftKind.MISSING:
-            return "rarms has nothing of this name on the host: it was never applied, or another tool removed it"
+            return "it is not on the host: not applied yet, or removed by another tool"
+        case DriftKind.UNMANAGED:
+            return "the host has a machine of this name without the mark of rarms"
         case DriftKind.REMOVED:
-            return "it is gone from the host: another tool removed it, or the mark of rarms on it"
+            return "another tool removed it or its mark of rarms"
         case DriftKind.UNUSED:
-            return "the manifest no longer wants it; it is stopped"
+            return "it is not in the manifest now; it is stopped"
 
 
 PARTITION_PREFIX = "partition/"
@@ -251,7 +263,6 @@ def without_unfinished(
 
     Args:
         run: the last one there; None: there was none. What a script changes is not known: all counts.
-        application: whose run counts.
 
     Returns:
         As many, in the same order.
@@ -267,6 +278,29 @@ def without_unfinished(
         else drift
         for drift in drifts
     )
+
+
+def lasting_settings(run: Journal | ScriptRun | None) -> Mapping[str, Readings]:
+    """Return the partitions that have more for their start now, with the settings that they have afterwards.
+
+    Args:
+        run: the last one on a host; of a script it is not known.
+    """
+    steps = open_starts(run) if isinstance(run, Journal) else ()
+    return {step.address.partition: step.operation.after for _, step in steps if isinstance(step.operation, Set)}
+
+
+def with_lasting_settings(state: State, lasting: Mapping[str, Readings]) -> State:
+    """Return a host as it is once starts are over: what partitions have for their starts is not drift.
+
+    Args:
+        lasting: as of `lasting_settings`.
+    """
+    partitions = (
+        replace(each, settings=with_values(each.settings, lasting.get(each.mark.name, {}))) if each.mark else each
+        for each in state.partitions
+    )
+    return replace(state, partitions=tuple(partitions))
 
 
 def part_digests(state: State, application: str) -> Mapping[str, str]:

@@ -4,18 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.disruption import grace_ms
-from rarms_iac.diff.setting_steps import STARTS_AGAIN
+from rarms_iac.diff.setting_steps import STARTS_AGAIN, StepBuilder, steps_of_start
 from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of, within
 from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
-from rarms_iac.model.changes import Change, Create, Delete
+from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.claims import Claim, Load, load_of
 from rarms_iac.model.diagnostics import NO_ORDER, Diagnostic
-from rarms_iac.model.operation_effects import describe_stop
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.state import RunState
+from rarms_iac.model.state import Partition, RunState
 from rarms_iac.model.system import Disruption
+from rarms_iac.texts.plans import describe_stop
 
 
 def order(planned: Sequence[PlannedChange], context: StepContext) -> tuple[Step, ...] | Diagnostic:
@@ -71,7 +71,7 @@ class _Walk:
         """Do each step that takes nothing, as far as each change's own order allows."""
         for at in sorted(range(len(self.queue)), key=self._releasing_first):
             steps = self.queue[at]
-            while steps and not steps[0].claim_before.is_less_than(steps[0].claim_after):
+            while steps and steps[0].wait_ms is None and not steps[0].claim_before.is_less_than(steps[0].claim_after):
                 self._do(steps.pop(0))
 
     def run_the_rest(self) -> tuple[Step, ...] | Diagnostic:
@@ -87,8 +87,22 @@ class _Walk:
             if not self._is_allowed(start):
                 names = tuple(sorted(self.stopped))
                 return _deadlock(names, self.context.max_disruption, may_stop=False)
-            self._do(start)
+            for step in self._steps_of_restart(start):
+                self._do(step)
         return tuple(self.done)
+
+    def _steps_of_restart(self, start: Step) -> tuple[Step, ...]:
+        """Return the start of a partition that was stopped to make room, with more for its time where there is room."""
+        change = next(each.change for each in self.plans if _machine_of(each.change) == start.address.machine)
+        assert isinstance(change, Update)
+        assert isinstance(change.after, Partition)
+        off = replace(change.after, settings=replace(change.after.settings, running=False), state=RunState.OFF)
+        builder = StepBuilder(address=start.address, now=off, reason=change.reason)
+        more, *rest = steps_of_start(builder, self.context.starting.get(start.address.partition))
+        claims = {**self.claims, _key(start): rest[0].claim_after if rest else start.claim_after}
+        if not rest or not self.context.fits(claims.values()):
+            return (start,)
+        return (more, replace(start, claim_after=rest[0].claim_after), *rest[1:])
 
     def _run_fitting_steps(self) -> None:
         any_order = self._is_any_order_safe()
@@ -143,7 +157,10 @@ class _Walk:
         partition = self.queue[at][0].address.partition
         others = [name for name in names if name != partition]
         with_others = f" with {', '.join(others)}" if others else ""
-        why = f"no order of the steps{with_others} keeps within the host, and it is the least critical of them"
+        why = (
+            f"no order of the steps{with_others} stays within the capacity of the host, and this one is the "
+            "least critical"
+        )
         stop_and_start = stop_and_restart(
             self.queue[at], why, grace_ms(self.context.graces, partition), forces=self.context.forces
         )
@@ -184,17 +201,21 @@ def _key(step: Step) -> str:
     return _machine_key(address.machine) if address.machine and not address.task else f"name {address}"
 
 
+def _machine_of(change: Change) -> str:
+    return "" if change.address.task else change.address.machine
+
+
 def _machine_key(machine: str) -> str:
     return f"id {machine}"
 
 
 def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Diagnostic:
     if may_stop:
-        why = f"one of them would have to stop for a while, and `max_disruption` is {limit.value}"
+        why = f"one of them would have to stop for a while, but `max_disruption` is {limit.value}"
         advice = "Allow `--max-disruption partition_stop`, or stop one of them by hand and plan again."
     else:
         why = "none of them runs, so none can be stopped to make room"
-        advice = "Lower what they are to have, or what other machines on the host hold."
+        advice = "Lower their reservations, or those of other machines on the host."
     return NO_ORDER.at(
         None,
         "The changes of {_join} wait for each other: {why}. Nothing is planned for this host.",
@@ -248,7 +269,7 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces:
     between = tuple(
         replace(step, claim_before=NO_CLAIM, claim_after=NO_CLAIM)
         for step in remaining
-        if not isinstance(step.operation, StopPartition | StartPartition)
+        if not isinstance(step.operation, StopPartition | StartPartition) and step.wait_ms is None
     )
     if claim_after == NO_CLAIM:
         return StopAndRestart(stop=stop, between=between, start=None)

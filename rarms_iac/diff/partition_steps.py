@@ -24,11 +24,12 @@ from rarms_iac.diff.setting_steps import (
     rename_step,
     some_readings,
     start_step,
+    steps_of_start,
     stop_step,
 )
 from rarms_iac.diff.step_context import NO_CLAIM, StepContext, claim_of
 from rarms_iac.model.changes import Address, Reason
-from rarms_iac.model.facets import FACETS, Facet
+from rarms_iac.model.facets import FACETS, Facet, Readings
 from rarms_iac.model.layout import Making
 from rarms_iac.model.operation_effects import mark_operation
 from rarms_iac.model.operations import (
@@ -37,11 +38,13 @@ from rarms_iac.model.operations import (
     RemovePartition,
     RenamePartition,
     RestorePartition,
+    StartPartition,
     StopPartition,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.state import Disk, DiskKind, Partition, PartitionSettings, RunState, State
+from rarms_iac.model.state import Disk, DiskKind, Partition, RunState, State
 from rarms_iac.model.system import Disruption
+from rarms_iac.texts.plans import operation_text
 
 
 def create_partition(address: Address, after: Partition, reason: Reason, context: StepContext) -> Iterator[Step]:
@@ -58,7 +61,7 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     """
     wanted = after.settings
     making = context.making.get(address.partition, Making())
-    yield _creation_step(address, wanted, making, reason)
+    yield _creation_step(address, after, making, reason)
     pending = replace(after, settings=replace(wanted, running=False), state=RunState.OFF)
     grace = grace_ms(context.graces, address.partition)
     builder = StepBuilder(
@@ -70,26 +73,31 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
         new=True,
     )
     name = address.partition
-    assert after.mark is not None, "what rarms makes, it marks"
-    yield mark_step(builder, after.mark, "from now on it is known as ours, also after a kill")
+    assert after.mark is not None, "every created machine has a mark"
+    yield mark_step(builder, after.mark, "from now on rarms recognises it, also after a crash")
     for facet, row in FACETS.items():
         if not row.in_creation:
             yield facet_step(builder, facet, wanted, wanted)
     yield builder.step(
         RenamePartition(partition=name, name=wanted.name),
         ("name",),
-        "last, so that a machine of this name is always whole",
+        "last, so that a machine with this name is always complete",
     )
     if wanted.running:
-        start = start_step(builder)
         back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
         # A new machine starts from settings that were not read, so `start_step` has no full `before`; but it is known
         # to be off, and the undo switches it off.
-        yield replace(start, before={**start.before, "running": False, "state": RunState.OFF.value}, undo=back)
+        off: Readings = {"running": False, "state": RunState.OFF.value}
+        for step in steps_of_start(builder, context.starting.get(name)):
+            is_start = isinstance(step.operation, StartPartition)
+            yield replace(step, before={**step.before, **off}, undo=back) if is_start else step
 
 
-def _creation_step(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:
-    lost = f"what was written on the disk made from {making.image} goes with it" if making.image else ""
+def _creation_step(address: Address, after: Partition, making: Making, reason: Reason) -> Step:
+    wanted = after.settings
+    lost = f"all data on the disk created from {making.image} is lost" if making.image else ""
+    if lost and after.mark is not None and after.mark.protected:
+        lost += "; `protect: true` does not prevent this undo"
     creation = CreatePartition(
         partition=address.partition,
         generation=wanted.generation,
@@ -101,7 +109,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
     )
     return Step(
         address=replace(address, machine=""),
-        title=str(creation),
+        title=operation_text(creation),
         operation=creation,
         before=NOTHING,
         after={"exists": True, "generation": wanted.generation, "memory": wanted.memory},
@@ -113,7 +121,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment="off and under a pending name until all is set",
+        comment="it stays off with a temporary name until all is set",
         place=reason.place,
     )
 
@@ -144,9 +152,9 @@ def update_partition(
     yield from rename_mark(builder.address, before, reason)
     builder.now = replace(before, mark=replace(before.mark, name=address.partition)) if before.mark else before
     if before.settings.running and (off or not after.settings.running):
-        yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it is not to run")
+        yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it must not run")
     if before.state is RunState.SAVED and after.settings.running:
-        yield start_step(builder, "a saved machine takes its settings only once it runs")
+        yield start_step(builder, "a saved machine can be changed only after a start")
     changed = changed_facets(before.settings, after.settings)
     for facet in sorted(changed, key=lambda facet: _takes_more(facet, before, after)):
         yield facet_step(builder, facet, before.settings, after.settings)
@@ -154,9 +162,9 @@ def update_partition(
         yield rename_step(builder, after.settings.name)
     old = builder.now.mark
     if after.mark is not None and (old is None or old.written != after.mark.written):
-        yield mark_step(builder, after.mark, "the mark says what was last written")
+        yield mark_step(builder, after.mark, "the mark records the settings that were last written")
     if after.settings.running and not builder.now.settings.running:
-        yield start_step(builder)
+        yield from steps_of_start(builder, context.starting.get(address.partition))
 
 
 def _takes_more(facet: Facet, before: Partition, after: Partition) -> bool:
@@ -181,7 +189,7 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
     if mark is None or mark.name == name:
         return
     builder = StepBuilder(address=address, now=before, reason=reason)
-    why = "two partitions change names: one steps aside" if between else "the manifest calls it so now"
+    why = "two partitions swap names: one gets a temporary name" if between else "its new name in the manifest"
     yield mark_step(builder, replace(mark, name=name), why)
 
 
@@ -205,7 +213,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
     others = ", keep its other disks" if going else ", keep its disks" if attached else ""
     operation = RemovePartition(partition=address.partition, machine=address.machine)
     is_lost = before.id not in context.restorable
-    lost = "the machine is not made again" + ("; its disks are still there" if attached and not going else "")
+    lost = "the machine cannot be created again" + ("; its disks are still there" if attached and not going else "")
     again = RestorePartition(
         partition=address.partition,
         machine=before.id,
@@ -216,7 +224,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
     )
     removal = Step(
         address=address,
-        title=f"{operation}{others}",
+        title=f"{operation_text(operation)}{others}",
         operation=operation,
         # What it got since the plan was never seen: a checkpoint is merged, a disk would be left behind.
         before={
@@ -230,7 +238,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         disruption=Disruption.REMOVAL if is_lost else Disruption.PARTITION_STOP,
         claim_before=claim_of(builder.now),
         claim_after=claim_of(None),
-        comment="removed before anything is made, so that there is room",
+        comment="removed first, to make room",
         place=reason.place,
     )
     yield removal
@@ -243,13 +251,13 @@ def _disk_step(removal: Step, disk: Disk) -> Step:
     return replace(
         removal,
         address=replace(removal.address, disk=disk.path),
-        title=str(operation),
+        title=operation_text(operation),
         operation=operation,
         before={"exists": True, "parent": disk.parent, "used": False},
-        undo=Undo(level=UndoLevel.NONE, operation=None, message="what is on the disk is lost"),
+        undo=Undo(level=UndoLevel.NONE, operation=None, message="the data on the disk is lost"),
         claim_before=NO_CLAIM,
         claim_after=NO_CLAIM,
-        comment="its removal was asked for; rarms made it, and it grows out of " + disk.parent,
+        comment="its removal was requested; rarms created it as a child of " + disk.parent,
     )
 
 
@@ -264,7 +272,7 @@ def adopt_partition(address: Address, before: Partition, after: Partition, reaso
     Yields:
         One step.
     """
-    assert after.mark is not None, "what rarms adopts, it marks"
+    assert after.mark is not None, "every imported machine gets a mark"
     builder = StepBuilder(address=address, now=before, reason=reason)
     yield mark_step(builder, after.mark, "only the mark is written")
 
@@ -280,10 +288,10 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
     Yields:
         One step; its undo writes the mark again.
     """
-    assert before.mark is not None, "only what is ours is released"
+    assert before.mark is not None, "only managed machines are released"
     builder = StepBuilder(address=address, now=before, reason=reason)
     operation = mark_operation(None, address.partition, address.machine)
-    yield builder.step(operation, ("mark", "set"), "the machine stays as it is")
+    yield builder.step(operation, ("mark", "set"), "the machine is not changed")
 
 
 def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[tuple[Disk, str]]:
@@ -305,19 +313,19 @@ def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Ite
 
 def _reason_to_keep(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
     if machine.mark is None:
-        return "its machine carries no mark of rarms"
+        return "its machine does not have a mark of rarms"
     if machine.checkpoints:
         return "checkpoints of its machine need it"
     if disk.kind is DiskKind.UNKNOWN:
-        return "what kind of disk it is could not be read"
+        return "its kind could not be read"
     if disk.kind is not DiskKind.DIFFERENCING or not disk.parent:
-        return "it does not grow out of an image, and rarms makes no others"
+        return "it is not the child of an image, so rarms did not create it"
     if not _is_made_by_rarms(disk.path, machine.mark.name, folders):
-        return f"it does not lie where rarms makes the disk of {machine.mark.name}"
+        return f"it is not at the path where rarms creates the disk of {machine.mark.name}"
     if any(same_path(other.parent, disk.path) for other in state.disks):
-        return "another disk grows out of it"
+        return "another disk is its child"
     if any(other.machine != disk.machine for other in state.disks if same_path(other.path, disk.path)):
-        return "another machine has it, too"
+        return "another machine also uses it"
     return ""
 
 

@@ -56,9 +56,6 @@ def readings(state: State, address: Address, scope: Scope) -> Readings:
 def count_disks(state: State, machine: str) -> int:
     """Count the virtual disks that a machine has.
 
-    Args:
-        machine: its id.
-
     Returns:
         How many disks of the state name this machine.
     """
@@ -103,7 +100,6 @@ def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: st
     """Find the task class of this name, in any case, in this operating system.
 
     Args:
-        tasks: of the whole host.
         inside: the partition whose guest it is in; empty: the host itself.
         machine: the id of that partition's machine; empty for the host itself.
 
@@ -118,7 +114,7 @@ def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: st
 
 
 def partition_readings(partition: Partition) -> Readings:
-    """Return what is read at a partition's address.
+    """Return the readings at a partition's address.
 
     Returns:
         All readings by name, memory in bytes, reserve and limit in per cent of each virtual processor.
@@ -136,7 +132,7 @@ def partition_readings(partition: Partition) -> Readings:
 
 
 def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
-    """Return what is read at a disk's address.
+    """Return the readings at a disk's address.
 
     Args:
         path: the disk's file; Windows' rules for equal paths hold.
@@ -166,7 +162,7 @@ def same_path(path: str, other: str) -> bool:
 
 
 def task_readings(task: TaskClass | Responsiveness | None) -> Readings:
-    """Return what is read at the address of a task class or of SystemResponsiveness.
+    """Return the readings at the address of a task class or of SystemResponsiveness.
 
     A key without values counts as absent. rarms' record may outlive its key, and may be written before it.
 
@@ -180,7 +176,7 @@ def task_readings(task: TaskClass | Responsiveness | None) -> Readings:
 
 
 def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
-    """Return what is read of registry values.
+    """Return the readings of registry values.
 
     Returns:
         `exists`, the names in lower case, and kind and data of each value, in the order of the names.
@@ -193,7 +189,7 @@ def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
 
 
 def record_readings(record: TaskRecord | None) -> Readings:
-    """Return what is read of rarms' own record.
+    """Return the readings of rarms' own record.
 
     Args:
         record: as observed; None: there is none.

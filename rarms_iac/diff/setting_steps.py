@@ -1,28 +1,25 @@
 """Steps of one machine on its way from what it is to what it is to be: one call a setting."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil
 
 from rarms_iac.diff.readings import partition_readings
 from rarms_iac.diff.step_context import claim_of
 from rarms_iac.model.changes import Address, Reason
-from rarms_iac.model.facets import FACETS, Facet, Readings, change_text, differing, setting_values, settings_of
-from rarms_iac.model.operation_effects import (
-    applied,
-    change_title,
-    describe_stop,
-    mark_operation,
-    partition_after,
-    reverse,
-)
+from rarms_iac.model.facets import FACETS, Facet, FacetRow, Readings, differing, setting_values, settings_of
+from rarms_iac.model.operation_effects import applied, mark_operation, partition_after, reverse
 from rarms_iac.model.operations import MachineOperation, RenamePartition, Set, StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.starting import Starting, settings_at_start
 from rarms_iac.model.state import Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
+from rarms_iac.texts.plans import change_text, change_title, describe_stop, operation_text
 
-STARTS_AGAIN = "it starts again: what its programs had in memory is lost"
-_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused: it is not so again")
-_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it goes with the machine, which is removed")
+STARTS_AGAIN = "it restarts: data in memory is lost"
+_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused, and is not paused again")
+_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it is removed with the machine")
 _EXISTS: Readings = {"exists": True}
 
 
@@ -54,7 +51,7 @@ class StepBuilder:
             undo = Undo(level=UndoLevel.FULL, operation=reverse(operation, before, grace_ms=self.grace_ms))
         return Step(
             address=self.address,
-            title=title or str(operation),
+            title=title or operation_text(operation),
             operation=operation,
             before=_EXISTS if self.new else some_readings(before, names),
             after=some_readings(self.now, names),
@@ -77,7 +74,7 @@ def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
         The readings by name, `exists` first.
 
     Raises:
-        KeyError: there is no such reading.
+        KeyError: no such reading.
     """
     everything = partition_readings(partition)
     return {name: everything[name] for name in ("exists", *names)}
@@ -104,7 +101,6 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
 
     Args:
         old: the settings before the change.
-        new: the settings after it.
     """
     row = FACETS[facet]
     names = differing(facet, old, new) if row.only_changed and not builder.new else row.settings
@@ -121,18 +117,22 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     return builder.step(
         operation,
         (*names, "state") if reads_state else names,
-        row.comment or _why_here(row.capacity, old, new, is_new=builder.new),
+        _why_here(row, old, new, is_new=builder.new),
         title=change_text(names, None if builder.new else old, new),
     )
 
 
-def _why_here(setting: str, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
+def _why_here(row: FacetRow, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
+    if row.while_off.issuperset(row.settings):
+        return "only while it is off"
+    if not row.capacity:
+        return "its start and stop with the host"
     if is_new:
-        return "while it is off nothing is promised yet"
-    before, after = getattr(old, setting), getattr(to, setting)
+        return "it reserves nothing while it is off"
+    before, after = getattr(old, row.capacity), getattr(to, row.capacity)
     if after < before:
-        return "what is given back comes before what is taken"
-    return "after the others gave back" if after > before else "nothing is taken or given back"
+        return "decreases come before increases"
+    return "after the decreases of the others" if after > before else "the reservation does not change"
 
 
 def rename_step(builder: StepBuilder, name: str) -> Step:
@@ -148,7 +148,7 @@ def rename_step(builder: StepBuilder, name: str) -> Step:
     address, settings = builder.address, builder.now.settings
     operation = RenamePartition(partition=address.partition, name=name, machine=address.machine)
     title = change_title(operation, settings, applied(settings, operation))
-    return builder.step(operation, ("name",), "its settings stay", title=title)
+    return builder.step(operation, ("name",), "its settings do not change", title=title)
 
 
 def stop_step(builder: StepBuilder, why: str) -> Step:
@@ -174,7 +174,7 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
     return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)
 
 
-def start_step(builder: StepBuilder, why: str = "after all that it is to have is set") -> Step:
+def start_step(builder: StepBuilder, why: str = "after all settings") -> Step:
     """Start the machine, the last of its steps where it is not saved.
 
     Args:
@@ -192,5 +192,38 @@ def start_step(builder: StepBuilder, why: str = "after all that it is to have is
     if was_off:
         return start
     # What was saved cannot be so again: its undo leaves it off, and asks no more than that.
-    undo = replace(start.undo, level=UndoLevel.PARTIAL, message="it is turned off, not saved again")
+    undo = replace(start.undo, level=UndoLevel.PARTIAL, message="it is turned off, not saved")
     return replace(start, before={"exists": True, "running": False}, undo=undo)
+
+
+def steps_of_start(builder: StepBuilder, starting: Starting | None) -> Iterator[Step]:
+    """Start the machine; where it reserves more for that time, give it that before, and its lasting values after it.
+
+    The values that its mark stands for are the lasting ones. An undo of the first step gives them back, so that of the
+    last one has nothing to do.
+
+    Args:
+        builder: of the machine as it is at this step; it goes on with a running one.
+        starting: what it reserves while it starts; None: no more than later.
+
+    Yields:
+        The start, between two steps where it has more.
+    """
+    lasting = builder.now.settings
+    larger = settings_at_start(lasting, starting)
+    if larger is None or starting is None:
+        yield start_step(builder)
+        return
+    more = facet_step(builder, Facet.CPU, lasting, larger)
+    shown, names = show_duration(starting.time_ms), differing(Facet.CPU, lasting, larger)
+    title = change_text(names, lasting, larger)
+    yield replace(more, title=f"for its start: {title}", comment=f"for {shown} from its start on", wait_ms=0)
+    yield start_step(builder)
+    less = facet_step(builder, Facet.CPU, larger, lasting)
+    yield replace(
+        less,
+        title=f"{shown} after its start: {change_text(names, larger, lasting)}",
+        comment="the host gets back the reservation for the start",
+        undo=Undo(level=UndoLevel.FULL, operation=None),
+        wait_ms=starting.time_ms,
+    )

@@ -13,6 +13,7 @@ from rarms_iac.model.layout import Making
 from rarms_iac.model.names import renaming
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.starting import Starting
 from rarms_iac.model.state import Disk, Partition, RunState, State, TaskClass
 from rarms_iac.model.system import Disruption
 
@@ -31,6 +32,7 @@ class StepContext:
     restorable: Mapping[str, tuple[TaskClass, ...]] = field(default_factory=dict)
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
     max_disruption: Disruption = Disruption.HOST_RESTART
+    starting: Mapping[str, Starting] = field(default_factory=dict)  # by partition that reserves more while it starts
     remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: why it is not made here
 
     @property
@@ -117,11 +119,11 @@ def managed_machines(
         findings=tuple(
             NOTHING_TO_MOVE.at(
                 rules.locate(Address(partition=old)),
-                "`moved` calls {old:quoted} now {new:quoted}, but the host has a partition of each name.",
+                "`moved` renames {old:quoted} to {new:quoted}, but the host has both.",
                 prose(
                     "Remove one of them (",
                     command("destroy", target=f"partition/{old}"),
-                    "), or take the line out of `moved`.",
+                    "), or remove the line from `moved`.",
                 ),
                 address=f"partition/{old}",
                 old=old,
@@ -139,7 +141,7 @@ _ACTIVE = frozenset({RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.
 
 
 def claim_of(partition: Partition | None) -> Claim:
-    """Return what a managed partition is promised now.
+    """Return the present promise to a managed partition.
 
     Nothing before it runs, because a reserve is taken at the start (windows.md 1.2). A partition that merely starts
     with its host counts when it is started; the layout has room for all of them.
@@ -157,9 +159,6 @@ def claim_of(partition: Partition | None) -> Claim:
 
 def within(claim: Claim, limit: Claim) -> bool:
     """Tell whether a claim fits in every place where the limit fits.
-
-    Args:
-        claim: what is asked for.
 
     Returns:
         True where the claim is at most the limit in every respect; processors count only with a reserve.

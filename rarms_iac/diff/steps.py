@@ -30,6 +30,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass
+from rarms_iac.texts.plans import operation_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +45,6 @@ def plan_changes(changes: Iterable[Change], context: StepContext) -> tuple[Plann
     """Give each change its steps.
 
     Args:
-        changes: in any order.
         context: the host's facts, disks and grace periods.
 
     Returns:
@@ -176,7 +176,7 @@ def write_registry(
     Yields:
         The record's step first, then that of the values; neither where nothing differs.
     """
-    assert after.record is not None, "what rarms writes, it records"
+    assert after.record is not None, "every class that rarms writes has a record"
     old_values, old_record = (before.values, before.record) if before else ({}, None)
     if after.record != old_record:
         name = _recorded_name(before or after)
@@ -198,7 +198,7 @@ def restore_registry(address: Address, before: TaskClass | Responsiveness, reaso
     Yields:
         The values' step where they differ, then that of the record.
     """
-    assert before.record is not None, "only what is managed is restored"
+    assert before.record is not None, "only managed classes are restored"
     restored = before.record.before or {}
     if isinstance(before, Responsiveness):
         restored = {name: value for name, value in restored.items() if name == SYSTEM_RESPONSIVENESS}
@@ -226,17 +226,17 @@ def _registry_step(
         case WriteTaskRecord() | EraseTaskRecord():
             new_record = operation.record if isinstance(operation, WriteTaskRecord) else None
             readings = record_readings(record), record_readings(new_record)
-            title = str(operation)
-            why = "last, after what was there is back"
+            title = operation_text(operation)
+            why = "last, after the values are restored"
             if new_record:
-                why = "first, so that what was there before can be brought back"
+                why = "first, so that the earlier values can be restored"
         case WriteTaskClass() | RemoveTaskClass():
             new_values = operation.values if isinstance(operation, WriteTaskClass) else {}
             readings = values_readings(values), values_readings(new_values)
             title = _title(operation, values, new_values)
-            why = "threads see it when their Windows starts again"
+            why = "it takes effect when the guest's Windows restarts"
             if address.responsiveness:
-                why = "MMCSS reads it when the host starts again"
+                why = "it takes effect when the host restarts"
         case _:
             assert_never(operation)
     return Step(
@@ -256,10 +256,10 @@ def _registry_step(
 
 def _title(operation: Operation, old: Values, new: Values) -> str:
     if not new:
-        return str(operation)
+        return operation_text(operation)
     words = [
         f"{name} {old[name].data} -> {new[name].data}" if name in old else f"{name} {new[name].data}"
         for name in sorted(new)
         if old.get(name) != new[name]
     ]
-    return f"set {', '.join(words)}" if words else "remove what is not wanted"
+    return f"set {', '.join(words)}" if words else "remove the values that are not in the manifest"

@@ -7,8 +7,8 @@ from datetime import date
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import UNKNOWN_NAME, Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy, System
-from rarms_iac.model.wording import Suggestions
 from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
+from rarms_iac.texts.messages import Suggestions
 
 NOT_IN_EFFECT = Finding.warning("RARMS096", "An acceptance has no effect")
 
@@ -26,7 +26,7 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
             similar, suggestion = suggestions.find(acceptance.code, known_codes())
             yield UNKNOWN_NAME.at(
                 places.key(*path),
-                "There is no finding {code}.{_suggestion}",
+                "The finding {code} does not exist.{_suggestion}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
                 code=acceptance.code,
                 similar=similar,
@@ -35,9 +35,12 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
         elif not may_be_accepted(page):
             yield REFUSED.at(
                 places.key(*path),
-                "{code} has the severity {severity}: only warnings can be accepted, and errors whose page says so.",
+                (
+                    "{code} has the severity {severity}. Only warnings, and errors whose page allows it, can be "
+                    "accepted."
+                ),
                 prose(
-                    "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct its cause."
+                    "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct the cause."
                 ),
                 code=acceptance.code,
                 severity=severity_line(page),

@@ -22,7 +22,7 @@ from rarms_iac.manifest.text.tree import (
     plain,
 )
 from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Finding, Places
-from rarms_iac.model.wording import Suggestions
+from rarms_iac.texts.messages import Suggestions
 
 UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")
 

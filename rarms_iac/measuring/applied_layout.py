@@ -45,7 +45,7 @@ def applied_layouts(
     groups = groups_of(system)
     _refuse_off(everywhere, application, {group.name for group in groups})
     if absent := [group.name for group in groups if group.name not in running]:
-        message = f"These partitions are on no host: {', '.join(absent)}."
+        message = f"These partitions do not exist on any host: {', '.join(absent)}."
         raise UseCaseError(
             Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}", {"partitions": tuple(absent)})]
         )
@@ -57,7 +57,7 @@ def applied_layouts(
 
 
 def _layout_on(hosts: Hosts, name: str, states: Mapping[str, State], groups: Sequence[Group]) -> AppliedLayout | None:
-    """Return what runs on a host: these groups, and its own components; None where there are neither."""
+    """Return the layout of a host: these groups, and its own components; None where there are neither."""
     system, host = hosts.system, hosts.system.hosts[name]
     on_host = tuple(_host_components(hosts, name, tuple(sorted(states))))
     if not groups and not on_host:
@@ -98,7 +98,7 @@ def _refuse_off(states: Mapping[str, State], application: str, wanted: Collectio
         advice = prose("Start them, and prove again: ", command("start", *off), ".")
         finding = findings.NOT_APPLIED.at(
             None,
-            "These partitions do not run: {partitions:each}.",
+            "These partitions are not running: {partitions:each}.",
             advice,
             address=f"partition/{off[0]}",
             partitions=tuple(off),
@@ -136,7 +136,7 @@ def refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapp
     pending = [(str(change.address), part.host.name) for part in plan.hosts for change in part.changes]
     if pending:
         places = tuple(f"{address} on {host}" for address, host in pending)
-        message = f"The manifest asks for something that is not applied yet: {', '.join(places)}."
+        message = f"Changes of the manifest are not applied yet: {', '.join(places)}."
         raise UseCaseError(Outcome.REFUSED, [_not_applied(message, pending[0][0], {"pending": places})])
 
 
@@ -149,5 +149,5 @@ def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> It
 
 
 def _not_applied(message: str, address: str, values: dict[str, Any]) -> Diagnostic:
-    advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
+    advice = prose("Show the changes with ", PLAN, ", and apply them with ", APPLY, ".")
     return findings.NOT_APPLIED.at(None, "{_message}", advice, address=address, _message=message, **values)

@@ -116,12 +116,7 @@ def forecast(
 
 
 def forecast_line(subject: str, work: str, least_ms: float, most_ms: float) -> str:
-    """Return what is about to run, and how long it takes its user; without a full stop.
-
-    Args:
-        least_ms: 0: nothing tells.
-        most_ms: `inf`: nothing bounds it.
-    """
+    """Return a line with the coming work and its duration, without a full stop."""
     if most_ms == inf:
         time_needed = f", at least {show_duration(least_ms)}" if least_ms else ""
         return f"{subject}: {work}{time_needed}"
@@ -139,7 +134,7 @@ def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[
 
 
 def _spent_again_ms(experiment: Experiment, setting: Setting, count: SettingCount) -> float:
-    """Return how long an earlier setting would take now.
+    """Return the time that an earlier setting would take now.
 
     A setting that ends after a number of samples takes time in proportion to them.
     """
@@ -188,7 +183,7 @@ def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallTimes:
-    """What each setting took that was run in this command."""
+    """The times of the settings that this command ran."""
 
     clock: Callable[[], float] = time.monotonic  # seconds, from any start
     _seconds: list[tuple[Experiment, float]] = field(default_factory=list)  # as they ended

@@ -8,6 +8,7 @@ doing, and in service it is the same. Time that the machine below took makes a c
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import inf, isinf
 
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
@@ -19,8 +20,10 @@ from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Too
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
-from rarms_iac.model.setting import P1, P2, SHORT, Setting, SettingEvidence
+from rarms_iac.model.setting import P1, SHORT, Setting, SettingEvidence
+from rarms_iac.model.speed import speed_change
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
+from rarms_iac.statistics.first_look import point_estimate
 from rarms_iac.statistics.overload import estimate_of_setting
 from rarms_iac.statistics.steady_state import steady_part
 from rarms_iac.statistics.verdicts import judge_look
@@ -46,13 +49,18 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
         return ""
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
-        return f"the machine below took {100 * stolen:.1f} % of the processors' time, and {100 * STOLEN:.0f} % may be"
+        return (
+            f"the machine below this one took {100 * stolen:.1f} % of the processor time; at most {100 * STOLEN:.0f} "
+            "% is allowed"
+        )
+    if change := speed_change(evidence.speeds, are_busy=load is not None):
+        return change
     if load is None:
         return ""
-    p1, p2 = (evidence.cpu_ms.get(name, 0.0) / evidence.elapsed_ms for name in (P1, P2))
+    p1, p2 = (time / evidence.elapsed_ms for time in (evidence.cpu_ms.get(P1, 0.0), evidence.load_cpu_ms))
     beyond_reserve = max(0.0, p1 - float(load.others))
     if p2 + beyond_reserve < load.processors - SHORT * processors:
-        return f"the load in P2 got {p2:.2f} LP where {float(load.processors):.2f} are reserved"
+        return f"the load in P2 got {p2:.2f} LP of the {float(load.processors):.2f} LP that are reserved for it"
     return ""
 
 
@@ -72,7 +80,7 @@ def idle_share(evidence: SettingEvidence, shared: Fraction) -> float:
         0 to 1; 0 where nothing was counted.
     """
     whole = evidence.elapsed_ms * float(shared)
-    used = evidence.cpu_ms.get(P1, 0.0) + evidence.cpu_ms.get(P2, 0.0) + evidence.stolen_ms
+    used = evidence.cpu_ms.get(P1, 0.0) + evidence.load_cpu_ms + evidence.stolen_ms
     return max(0.0, 1.0 - used / whole) if whole else 0.0
 
 
@@ -125,6 +133,7 @@ class MeasuredIndex:
     index: str
     threshold: Threshold
     estimate: Estimate | None
+    fitted: bool = False  # a value beyond what the samples show, by a fitted tail
     reason: str = ""  # why there is no estimate
     overload: Overload | None = None  # where the component falls behind, so that the index grows without an end
 
@@ -149,17 +158,26 @@ def measured_indexes(setting: Setting, experiment: Experiment) -> tuple[Measured
     """Estimate every index of every member's APT at this setting.
 
     Returns:
-        By member, then in the order of its APT.
+        By member, then in the order of its APT. Those of a setting of the first pass have no bounds.
     """
-    return indexes_of_series(experiment.members, {series.component: series for series in setting.series})
+    seen = {series.component: series for series in setting.series}
+    indexes = indexes_of_series(experiment.members, seen)
+    return tuple(
+        _without_bounds(each, seen[each.component], experiment) if setting.first_pass else each for each in indexes
+    )
+
+
+def _without_bounds(measured: MeasuredIndex, series: Series, experiment: Experiment) -> MeasuredIndex:
+    found = point_estimate(measured.index, series, experiment.runs[measured.component])
+    if found is None or isinf(found.value):
+        return replace(measured, estimate=None)
+    count = len(series.samples)
+    value = Estimate(value=found.value, lower=-inf, upper=inf, samples=count, effective_samples=float(count))
+    return replace(measured, estimate=value, fitted=found.fitted, reason="")
 
 
 def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[MeasuredIndex, ...]:
     """Estimate every index of every component's APT from these series; components without one are left out.
-
-    Args:
-        components: with their APTs.
-        seen: series by component.
 
     Returns:
         By component as given, then in the order of its APT.

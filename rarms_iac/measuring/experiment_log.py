@@ -1,5 +1,7 @@
 """The data log of an experiment: where it lies, whether it still holds, and its settings as a search knows them."""
 
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,7 +14,10 @@ from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, join_settings
+from rarms_iac.model.system import Component
 from rarms_iac.model.version import __version__
+from rarms_iac.running.orders import CannotStart, StartContext
+from rarms_iac.running.start import setup_digests
 from rarms_iac.storage.datalog.files import append_setting, log_path, read_log
 from rarms_iac.storage.datalog.identity import Changed, Present, header_of, identity_of, present_log
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
@@ -25,7 +30,7 @@ class ExperimentLog:
     path: Path
     experiment: Experiment
     header: Header  # as everything is now
-    present: Present | None  # what holds of the file; None: there is no file
+    present: Present | None  # what holds of the file; None: no file
 
     @property
     def valid(self) -> DataLog | None:
@@ -40,7 +45,17 @@ class ExperimentLog:
     @property
     def known(self) -> "KnownSettings":
         """The settings that count, with as many processors as the experiment has now."""
-        records = () if self.valid is None else self.valid.of(self.header.setup.processors).counting
+        return self._known(() if self.valid is None else self._of_processors(self.valid).counting)
+
+    @property
+    def seen(self) -> "KnownSettings":
+        """The same, and the settings of the first pass."""
+        return self._known(() if self.valid is None else self._of_processors(self.valid).estimating)
+
+    def _of_processors(self, log: DataLog) -> DataLog:
+        return log.of(self.header.setup.processors)
+
+    def _known(self, records: Sequence[Recorded]) -> "KnownSettings":
         simulated = self.header.platform_facts.provider is ProviderKind.SIMULATED
         return KnownSettings(runs=tuple(record.setting for record in records), simulated=simulated)
 
@@ -60,7 +75,7 @@ class ExperimentLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownSettings:
-    """What was measured, each run by itself, and joined to one setting a reservation."""
+    """The measured settings, each run by itself, and joined to one setting a reservation."""
 
     runs: tuple[Setting, ...]
     simulated: bool
@@ -69,19 +84,15 @@ class KnownSettings:
     @property
     def settings(self) -> tuple[Setting, ...]:
         """One setting a reservation, in the order in which they were first measured."""
-        return tuple(map(self.at, dict.fromkeys(run.reserve for run in self.runs)))
+        return self.seen_with(None)
 
     def seen_with(self, seed: int | None) -> tuple[Setting, ...]:
         """Select the settings that were measured with this seed.
 
-        Args:
-            seed: None for all.
-
         Returns:
-            Each with all that counts at its reservation.
+            Each with all that counts at its reservation, in the order in which they were first measured with the seed.
         """
-        reserves = {run.reserve for run in self.runs if seed is None or run.seed == seed}
-        return tuple(setting for setting in self.settings if setting.reserve in reserves)
+        return tuple(map(self.at, dict.fromkeys(run.reserve for run in self.runs if seed is None or run.seed == seed)))
 
     def at(self, reserve: ReservePercent) -> Setting:
         """Join the runs of a reservation that was measured.
@@ -127,7 +138,7 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
         session: It holds the experiment's host, which is asked for its processor, build and the like.
 
     Returns:
-        The log with what changed since; empty where there is no file.
+        The log with what changed since; empty without a file.
 
     Raises:
         UseCaseError: It is damaged (negative); it is not replaced unasked, as it may be all that there is.
@@ -140,7 +151,7 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
 
 
 def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
-    """Return where the data log of an experiment lies.
+    """Return the path of an experiment's data log.
 
     Args:
         experiment: its host's platform, its members and the interfering load name the file.
@@ -153,14 +164,25 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
 
 
 def _header(session: MeasuringSession, experiment: Experiment) -> Header:
-    """Return what the data log of this experiment begins with, as everything is now."""
+    """Return the header of this experiment's data log under the present conditions."""
     system, setup = session.hosts.system, experiment.setup
-    subject = subject_of(system, experiment.host, setup.members, setup.interference)
+    subject = subject_of(system, experiment.host, setup.members, setup.interference, experiment.load_parts)
     files = files_of(session.hosts.manifest, most_bytes=None)
     runs_here = experiment.host.connect is None and experiment.host.provider is ProviderKind.LINUX
-    interpreters = files.interpreters(subject) if runs_here else {}
+    variables = _variables(subject.components, session.hosts.manifest.code_folder) if runs_here else {}
+    interpreters = {**files.interpreters(subject), **variables} if runs_here else {}
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
         names = " and ".join(setup.members)
-        session.control.reporter.message(f"{names}: {files.cut}. A change of what is left out makes no log stale.")
+        session.control.reporter.message(f"{names}: {files.cut}. rarms does not notice a change of the other files.")
     return header_of(subject, identity, session.host_of(experiment).platform_facts())
+
+
+def _variables(components: Iterable[Component], base: Path) -> dict[str, str]:
+    """Return digests of the variables that setup files change. Files that cannot be sourced start no component."""
+    found: dict[str, str] = {}
+    with suppress(CannotStart):
+        for component in components:
+            if component.run is not None:
+                found |= setup_digests(component.name, component.run, StartContext(base=base.resolve()))
+    return found

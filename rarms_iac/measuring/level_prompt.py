@@ -17,7 +17,8 @@ from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, selec
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
 from rarms_iac.measuring.run_experiment import decisive, least_shown, measure_with_each_load
-from rarms_iac.measuring.session import MeasuringSession, stopped_to_measure
+from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
 from rarms_iac.measuring.tuning import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.model.experiment import Experiment, experiments_of
@@ -144,7 +145,7 @@ def ask_levels(further: Further, result: ExperimentResult, prompt: LevelPrompt) 
 
 
 def _extended(problem: RequestError | UseCaseError, prompt: LevelPrompt, further: Further) -> ExperimentResult | None:
-    """Return what higher settings came to, where the level needs them and the user wants them; else None."""
+    """Return the result of higher settings, where the level needs them and the user wants them; else None."""
     if not isinstance(problem, BeyondMeasured) or not prompt.extends(problem):
         return None
     try:

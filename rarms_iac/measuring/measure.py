@@ -20,39 +20,44 @@ from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
-from rarms_iac.measuring.findings import findings_of, weak_answer, work_of_settings
+from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
     ExperimentResult,
     MeasureRequest,
     describe_request,
     experiments_of_request,
+    has_passes,
     method_of,
     refuses_weak_loads,
 )
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
+from rarms_iac.measuring.other_work import weak_answer, work_of_settings
 from rarms_iac.measuring.partitions import host_resources
+from rarms_iac.measuring.passes import first_pass, in_order_of, is_of, later_passes
 from rarms_iac.measuring.run_experiment import (
     by_partition,
     decisive,
+    describe_missing_parts,
+    has_one_p2,
     idle_settings,
+    in_load_parts,
     leave_idle,
     measure_with_each_load,
+    resources_by_host,
     stop_what_is_in_the_way,
+    with_load_parts,
 )
-from rarms_iac.measuring.session import (
-    MeasuringSession,
-    hold_measuring_hosts,
-    record_reservations,
-    short_secrets_of,
-    starting_again,
-)
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
+from rarms_iac.measuring.stopping import starting_again
 from rarms_iac.measuring.strategies import Method
+from rarms_iac.measuring.units import Units, describe_work
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.outcomes import SettingFailed, Stopped
+from rarms_iac.model.layout import LookedUp
+from rarms_iac.model.outcomes import SettingFailed
 from rarms_iac.model.output import Internal
 from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
@@ -82,7 +87,7 @@ class MeasureOutcome:
     @property
     def stopped(self) -> bool:
         """Whether an end was asked for."""
-        return any(isinstance(result.conclusion, Stopped) for result in self.experiments)
+        return any(result.stopped for result in self.experiments)
 
 
 EVERYTHING = MeasureRequest()
@@ -118,8 +123,8 @@ def measure_components(
     if any(hosts.robot(name) for name in hosts.chosen):
         if prompt is not None:
             raise RequestError(
-                "A robot asks no questions while it measures.",
-                prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
+                "A robot cannot ask questions while it measures.",
+                prose("Omit --interactive, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
             )
         return _measure_on_each(hosts, request, control)
     session = MeasuringSession(
@@ -194,52 +199,105 @@ def _together(outcomes: Sequence[MeasureOutcome], not_begun: Iterable[Experiment
     )
 
 
+@dataclass(slots=True, kw_only=True)
+class _Found:
+    """What the passes found so far."""
+
+    looks: tuple[tuple[ExperimentResult, ...], ...] = ()  # of the first pass, by partition
+    results: list[ExperimentResult] = field(default_factory=list)  # of the later ones
+    begun: int = 0  # partitions that these are of
+    findings: list[Diagnostic] = field(default_factory=list)
+    complete: dict[Path, Remeasurement] = field(default_factory=dict)  # by data log, nothing is left to do for them
+    ended: bool = False  # the user asked for an end at a question
+
+    @property
+    def stopped(self) -> bool:
+        """Whether an end was asked for in the first pass."""
+        return any(each.stopped for look in self.looks for each in look)
+
+
 def _measure_all(
     session: MeasuringSession, request: MeasureRequest, prompt: LevelPrompt | None
 ) -> tuple[MeasureOutcome, Mapping[Path, Remeasurement]]:
     """Return the outcome, and by data log the remeasurements that nothing is left to do for."""
     hosts = session.hosts
     experiments = experiments_of_request(hosts, request)
-    groups, begun = by_partition(experiments), 0
-    method = method_of(request)
-    results: list[ExperimentResult] = []
+    groups = by_partition(experiments)
     started = [(experiment.host, name) for experiment in experiments for name in experiment.setup.members]
-    findings = [*short_secrets_of(hosts.manifest, started)]
-    complete: dict[Path, Remeasurement] = {}
-    ended = False
+    found = _Found(findings=[*start_warnings_of(hosts.manifest, started)])
     names = [experiment.host.name for experiment in experiments]
     with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
-        asked = describe_request(request)
+        asked, method = describe_request(request), method_of(request)
         remeasurements = remeasurements_for(held, experiments, asked, method) if request.again else {}
-        for loads in groups:
-            of_loads = measure_with_each_load(replace(held, remeasurements=remeasurements), loads, method)
-            if not isinstance(of_loads[-1].conclusion, Stopped | SettingFailed):
-                paths = [data_log_path(hosts, experiment) for experiment in loads]
-                complete |= {path: remeasurements[path] for path in paths if path in remeasurements}
-            if prompt is not None and not isinstance(of_loads[-1].conclusion, Stopped):
-                of_loads, ended = _ask(Further(session=held, loads=loads, request=request), of_loads, prompt)
-            is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
-            of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
-            findings += _answer_findings(hosts, of_loads)
-            results += of_loads
-            begun += 1
-            if isinstance(of_loads[-1].conclusion, Stopped) or ended:
-                break
+        for words in () if has_one_p2(method) else describe_missing_parts(held, experiments):
+            session.control.reporter.message(words)
+        if has_passes(request) and prompt is None:
+            session.control.reporter.message(describe_work(groups, quick=request.quick))
+            found.looks = first_pass(held, groups, more_follows=not request.quick)
+        if not (request.quick or found.stopped):
+            groups = later_passes(groups, found.looks) if found.looks else groups
+            _measure_precisely(replace(held, remeasurements=remeasurements), groups, request, prompt, found)
+    not_begun = groups[found.begun :]
+    looks = [look for look in found.looks if any(is_of(look, loads) for loads in not_begun)]
+    for look in looks:
+        if not any(each.stopped for each in look):
+            found.findings += _answer_findings(hosts, look)
+    outcome = MeasureOutcome(
+        experiments=in_order_of([*found.results, *(each for look in looks for each in look)], experiments),
+        findings=(*found.findings, *still_stopped),
+        not_begun=tuple(loads[0] for loads in not_begun if not any(is_of(look, loads) for look in looks)),
+        ended=found.ended,
+    )
+    return _with_totals(outcome, hosts, names), found.complete
+
+
+def _measure_precisely(
+    held: MeasuringSession,
+    groups: Sequence[Sequence[Experiment]],
+    request: MeasureRequest,
+    prompt: LevelPrompt | None,
+    found: _Found,
+) -> None:
+    """Measure partition after partition by the request's method; add what is found."""
+    units = Units(reporter=held.control.reporter.settings, of=sum(map(len, groups)))
+    for loads in groups:
+        began = next((decisive(look).reserve for look in found.looks if is_of(look, loads)), None)
+        of_loads = measure_with_each_load(held, loads, method_of(request), began or 0, units.add)
+        stopped = any(each.stopped for each in of_loads)
+        if not stopped and not isinstance(of_loads[-1].conclusion, SettingFailed):
+            paths = [data_log_path(held.hosts, experiment) for experiment in loads]
+            found.complete |= {path: held.remeasurements[path] for path in paths if path in held.remeasurements}
+        if prompt is not None and not stopped:
+            further = Further(session=replace(held, remeasurements={}), loads=loads, request=request)
+            of_loads, found.ended = _ask(further, of_loads, prompt)
+        is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
+        of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
+        found.findings += _answer_findings(held.hosts, of_loads)
+        found.results += of_loads
+        found.begun += 1
+        if stopped or found.ended:
+            return
+
+
+def _with_totals(outcome: MeasureOutcome, hosts: Hosts, names: Sequence[str]) -> MeasureOutcome:
+    """Return the outcome with what these hosts have promised by all data logs, and what is not known of them."""
     planned, reservations = totals_at_hand(hosts.manifest)
     verdicts = component_verdicts(hosts.system, reservations)
-    outcome = MeasureOutcome(
-        experiments=tuple(results),
-        findings=(*findings, *still_stopped),
-        not_begun=tuple(first for first, *_ in groups[begun:]),
+
+    def provisional_lp(result: ExperimentResult) -> Fraction | None:
+        known = reservations.look_up(result.experiment.members, result.experiment.host)
+        return known.reservation if isinstance(known, LookedUp) and known.provisional else None
+
+    return replace(
+        outcome,
+        experiments=tuple(replace(each, provisional_lp=provisional_lp(each)) for each in outcome.experiments),
         totals={name: planned.hosts[name] for name in names},
         fixed_lp={
             name: totals_of(each.claim for each in partitions_without_log(hosts.system, planned, [name])).reserved_lp
             for name in names
         },
         unknown={name: missing_on(hosts.system, planned, verdicts, name) for name in names},
-        ended=ended,
     )
-    return outcome, complete
 
 
 def _ask(
@@ -281,15 +339,17 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
         UseCaseError: No host can be measured on, or one cannot be observed (failed).
     """
     scripts: dict[str, PlanScript] = {}
+    method = method_of(request)
     with host_errors():
         for experiment in experiments_of_request(hosts, request):
             name = experiment.host.name
             host = hosts.open_to_measure(name)
             if not isinstance(host, ScriptedMeasuringHost):
-                message = f"{experiment.name} is measured on {name} without a script: only Hyper-V hosts run scripts."
+                message = f"{experiment.name} is measured on {name}, which does not use scripts. Only Hyper-V hosts do."
                 raise RequestError(message)
             resources = host_resources(experiment.host, host.observe(), experiment.application)
-            shapes, work = shapes_for(experiment, resources), work_in_test_partitions(experiment)
+            in_parts = experiment if has_one_p2(method) else in_load_parts(experiment, resources)
+            shapes, work = shapes_for(in_parts, resources), work_in_test_partitions(in_parts)
             for title, text in (
                 (
                     f"{experiment.name}.{experiment.setup.interference}",
@@ -320,6 +380,8 @@ def remeasurements_for(
         UseCaseError: A log is damaged (negative), or held by another run (refused); or as of
             `stop_what_is_in_the_way`. Nothing is written then.
     """
+    resources = resources_by_host(session, experiments)
+    experiments = [with_load_parts(session, each, method, resources[each.host.name]) for each in experiments]
     logs = [read_experiment_log(session, experiment) for experiment in experiments]
     unfinished = [last for log in logs if (last := _last(log, asked)) is not None and not last.ended]
     begun = max((remeasurement.begun for remeasurement in unfinished), default=None)

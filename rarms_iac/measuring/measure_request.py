@@ -17,14 +17,16 @@ from rarms_iac.app.requests import (
 )
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.findings import UNABLE, weak_answer
+from rarms_iac.measuring.findings import UNABLE
+from rarms_iac.measuring.other_work import weak_answer
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
 from rarms_iac.model.diagnostics import MISSING
 from rarms_iac.model.experiment import Experiment, ProcessorSource, experiments_of
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.outcomes import (
     Conclusion,
+    Condition,
     Missed,
     NotAchievable,
     NotResolved,
@@ -35,9 +37,10 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import ReservePercent, guaranteed
-from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import Setting, join_skipped
+from rarms_iac.model.series import HeardMessages, SkippedLines
+from rarms_iac.model.setting import Setting, join_heard, join_skipped
 from rarms_iac.model.system import RunsOn, System
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.distributions import ERROR
 
@@ -47,13 +50,16 @@ USUAL_SEED = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureRequest:
-    """What `rarms measure` was asked for."""
+    """The request of `rarms measure`."""
 
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all with an APT
     together: bool = flag("--together", help="Measure the COMPONENTs in one partition. [default: each alone]")
     strategy: Literal["default", "bisection", "paper"] = option(
         "--strategy",
-        help="How the least reservation is searched; paper: 10, 20, ... 100 %, to the letter. [default: default]",
+        help=(
+            "How to search the smallest reservation; paper: the paper's procedure with 10, 20, ... 100 %. "
+            "[default: default]"
+        ),
         default="default",
     )
     reserves: tuple[int, ...] = ()  # performance measurement mode; none: a search
@@ -66,11 +72,15 @@ class MeasureRequest:
     )
     samples: int | None = samples_option()
     seed: int | None = option("--seed", least=1, help="Seed of the random numbers; only settings with this seed count.")
-    again: bool = flag("--again", help="Measure everything again; earlier results stay in the logs.")
+    quick: bool = flag("--quick", help="Stop after the first pass, with provisional reservations without bounds.")
+    again: bool = flag("--again", help="Measure everything again; the logs keep earlier results.")
     weak_load: bool = flag(
-        "--weak-load", help="Accept an answer although the loads left processors idle; the log says so."
+        "--weak-load", help="Accept a result although the loads left processors idle; the log records it."
     )
     on_busy_host: bool = busy_host_option()
+    attach: bool = flag(
+        "--attach", help="Limit running services and containers while measuring (required without a terminal)."
+    )
     lock_timeout_ms: int = lock_timeout_option()
 
 
@@ -84,6 +94,7 @@ class MeasuredSetting:
     reserve: ReservePercent
     beside: int  # what P2 reserved meanwhile
     seed: int
+    first_pass: bool  # its estimates have no bounds, and give no verdict
     indexes: tuple[MeasuredIndex, ...]
     disturbances: tuple[str, ...]  # on the host; a disturbed try is measured again, at most three times
 
@@ -100,7 +111,12 @@ class ExperimentResult:
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
     of_loads: Internal[int] = 1  # with how many loads it was to be measured
+    conditions: tuple[Condition, ...] = ()  # on which thresholds are met at the answer
+    is_confirmed: Internal[bool] = False  # it was measured until no condition was left that more samples lift
+    is_interrupted: Internal[bool] = False  # it has its answer, and an end was asked for while that was confirmed
+    is_provisional: bool = False  # of the first pass: estimates without bounds, with one load
     is_weak: bool = False  # no answer: its loads left processors idle, and that was not wanted
+    provisional_lp: Fraction | None = None  # what a plan reserves by the estimates of the first pass, with every load
 
     @output
     def components(self) -> tuple[str, ...]:
@@ -155,6 +171,11 @@ class ExperimentResult:
                 return "stopped"
 
     @property
+    def stopped(self) -> bool:
+        """Whether an end was asked for, with or without an answer before."""
+        return self.is_interrupted or isinstance(self.conclusion, Stopped)
+
+    @property
     def found(self) -> Sufficient | None:
         """The answer; None: none was found, or looked for."""
         return self.conclusion if isinstance(self.conclusion, Sufficient) else None
@@ -168,6 +189,12 @@ class ExperimentResult:
     def reserved_lp(self) -> Fraction | None:
         """What the least that is enough guarantees, in LPs."""
         return guaranteed(self.found.reserve, self.processors) if self.found else None
+
+    @output
+    def down_to_lp(self) -> Fraction | None:
+        """The least that may be enough, in LPs; None: it saves no more than the precision of the policy."""
+        least = self.found.down_to if self.found else None
+        return None if least is None else guaranteed(least, self.processors)
 
     @output
     def failed(self) -> int | None:
@@ -194,12 +221,20 @@ class ExperimentResult:
     @output
     def error(self) -> float | None:
         """How probably the answer is wrong; None: there is none."""
-        return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) and not self.is_weak else None
+        has_error = isinstance(self.conclusion, Sufficient | NotAchievable) and not (
+            self.is_weak or self.is_provisional
+        )
+        return ERROR if has_error else None
 
     @output
     def skipped_lines(self) -> Mapping[str, SkippedLines]:
         """Lines of real components that were not samples, by component, of all settings."""
         return join_skipped(setting.evidence for setting in self.settings)
+
+    @output
+    def heard_messages(self) -> Mapping[str, HeardMessages]:
+        """The messages that samples come from, by component, of all settings."""
+        return join_heard(setting.evidence for setting in self.settings)
 
     @output
     def measured(self) -> tuple[MeasuredSetting, ...]:
@@ -209,6 +244,7 @@ class ExperimentResult:
                 reserve=setting.reserve,
                 beside=setting.beside,
                 seed=setting.seed,
+                first_pass=setting.first_pass,
                 indexes=measured_indexes(setting, self.experiment),
                 disturbances=setting.evidence.disturbances if setting.evidence else (),
             )
@@ -217,7 +253,7 @@ class ExperimentResult:
 
 
 def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Experiment, ...]:
-    """Return what is to be measured, and where: each partition's components on one host of each platform.
+    """Return the experiments of a request: each partition's components on one host of each platform.
 
     Args:
         hosts: Those of the manifest; the chosen ones are looked at in name order.
@@ -236,7 +272,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     refuse_unknown(request.interference, system.interference, "interference")
     for name in request.components:
         if system.components[name].runs_on is RunsOn.HOST:
-            message = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
+            message = f"{name} runs on the host itself. It has no partition, so it has no reservation to measure."
             raise RequestError(message)
     is_named = bool(request.components) or request.coarse
     if not is_named and not any(component.apt for component in system.components.values()):
@@ -248,11 +284,22 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
             _refuse_weak(hosts, members, loads)
         for host in _hosts_to_measure_on(hosts, members):
             experiments += experiments_of(system, host, members, loads, request.samples)
+    if (names := attached_of(hosts, request)) and not request.attach:
+        message = f"Measuring slows down {in_a_row(names)}, which {'runs' if len(names) == 1 else 'run'} already."
+        raise RequestError(message, "Confirm it with --attach. Its settings are restored afterwards.")
     return tuple(experiments)
 
 
+def attached_of(hosts: Hosts, request: MeasureRequest) -> tuple[str, ...]:
+    """Return the components of a request that run already, on hosts where they would be slowed down, by name."""
+    if not any(hosts.system.hosts[name].provider is ProviderKind.LINUX for name in hosts.chosen):
+        return ()
+    components = [hosts.system.components[name] for members in _members(hosts, request) for name in members]
+    return tuple(sorted({each.name for each in components if each.run is not None and each.run.attach is not None}))
+
+
 def refuses_weak_loads(request: MeasureRequest) -> bool:
-    """Tell whether what is measured with weak loads is no answer; a sweep and the paper's procedure take it."""
+    """Tell whether what is measured with weak loads is not an answer; a sweep and the paper's procedure take it."""
     return isinstance(method_of(request), Search) and request.strategy != PAPER and not request.weak_load
 
 
@@ -287,11 +334,13 @@ def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[
 
 def _refuse_contradictions(request: MeasureRequest) -> None:
     if request.together and len(set(request.components)) < 2:
-        raise RequestError("--together wants two COMPONENTs or more.")
+        raise RequestError("--together needs at least two COMPONENTs.")
     if request.reserves and request.strategy != "default":
-        raise RequestError("Give one of --strategy, and --from/--to/--step.")
+        raise RequestError("--strategy cannot be combined with --from, --to or --step.")
     if request.again and request.seed is not None:
-        raise RequestError("--again takes a seed of its own: leave --seed out.")
+        raise RequestError("--again cannot be combined with --seed.")
+    if request.quick and not has_passes(request):
+        raise RequestError("--quick cannot be combined with --again, --strategy paper, --from or --to.")
 
 
 def reserves_between(first: int | None, last: int | None, step: int | None) -> tuple[int, ...]:
@@ -312,12 +361,12 @@ def reserves_between(first: int | None, last: int | None, step: int | None) -> t
         return ()
     begin, end = first or USUAL_STEP, last or 100
     if end < begin:
-        raise RequestError(f"--to {end}% lies below --from {begin}%.")
+        raise RequestError(f"--to {end}% is below --from {begin}%.")
     return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
 
 
 def method_of(request: MeasureRequest) -> Method:
-    """Return how settings are chosen: a sweep where reserves or a coarse curve are asked for, else as the options say.
+    """Return the way to choose settings: a sweep where reserves or a coarse curve are asked for, else by the options.
 
     Args:
         request: one that does not contradict itself.
@@ -325,6 +374,11 @@ def method_of(request: MeasureRequest) -> Method:
     if request.reserves or request.coarse:
         return Sweep(reserves=() if request.coarse else request.reserves)
     return Search(strategy=request.strategy)
+
+
+def has_passes(request: MeasureRequest) -> bool:
+    """Tell whether a first pass comes before the others; range mode and the paper's strategy have none."""
+    return isinstance(method_of(request), Search) and request.strategy != PAPER and not request.again
 
 
 def describe_request(request: MeasureRequest) -> str:
@@ -341,12 +395,13 @@ def describe_request(request: MeasureRequest) -> str:
 
 def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     advice = (
-        "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
+        "Add a threshold: `apt: { mean_response_time: { at_most: 50 ms } }`. Or measure chosen settings "
+        "with --from and --to."
     )
     place = hosts.manifest.places.key("components")
     return UseCaseError(
         Outcome.NEGATIVE,
-        [MISSING.at(place, "No component has an `apt`, so there is nothing to measure for.", advice)],
+        [MISSING.at(place, "No component has an `apt`, so there is no reservation to search.", advice)],
         hosts.manifest.sources,
     )
 
@@ -377,9 +432,11 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
             [
                 UNABLE.at(
                     None,
-                    "{components:each} may run on: {_names}. None of them is simulated, this Linux machine, or a "
-                    "Hyper-V host whose `hyperv.credential` is named.",
-                    "Name another with --host, or measure on a simulated host of the same platform.",
+                    (
+                        "{components:each} may run on: {_names}. rarms measures on simulated hosts, Linux hosts, and "
+                        "Hyper-V hosts with `hyperv.credential`. None of these hosts is one."
+                    ),
+                    "Choose another with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
                     components=tuple(members),
                     hosts=tuple(host.name for host in allowed),

@@ -76,7 +76,6 @@ class RobotReports(Protocol):
         """Take the end of a log.
 
         Args:
-            path: below `measurements/`.
             known_bytes: the size of its begin, which this side has already.
 
         Raises:
@@ -206,8 +205,8 @@ def _folder_there(hosts: Hosts, host: str) -> str:
         return hosts.folder.resolve().as_posix()
     if isinstance(connect, Connect) and connect.folder is not None:
         return connect.folder
-    template = "The manifest does not say where {host} has the files of its components."
-    advice = "Copy the manifest's folder there, and name the copy: `connect: { folder: /opt/robot }`."
+    template = "The manifest does not have the folder with the components' files on {host}."
+    advice = "Copy the manifest's folder there, and write its path: `connect: { folder: /opt/robot }`."
     place = hosts.manifest.places.value("hosts", host, "connect")
     finding = UNABLE.of_host(host, template, advice, place=place)
     raise UseCaseError(Outcome.FAILED, [finding], hosts.manifest.sources)

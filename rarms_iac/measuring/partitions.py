@@ -25,7 +25,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
-from rarms_iac.model.setting import P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
@@ -47,10 +47,10 @@ GENERATION = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringResources:
-    """What a host has to give, and what of it is promised already."""
+    """The resources of a host, and the part of them that is promised already."""
 
     capacity: Capacity
-    claims: tuple[Claim, ...]  # of every machine that counts and is no test partition
+    claims: tuple[Claim, ...]  # of every machine that counts and is not a test partition
     shared_processors: LogicalProcessors  # that all partitions can use together
     load_memory: int = USUAL_LOAD_MEMORY  # bytes that P2 gets where so many are left
 
@@ -102,17 +102,40 @@ def memory_for_load(resources: MeasuringResources, setup: EnvironmentSetup) -> i
     return free_memory(resources, setup.memory)
 
 
-def free_memory(resources: MeasuringResources, taken: int = 0) -> int:
-    """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB.
+def free_memory(resources: MeasuringResources, taken: int = 0, parts: int = 1) -> int:
+    """Say how many bytes there are for each part of P2: the usual, or what is left where that is less; whole MiB.
 
     Args:
         taken: bytes that are promised in addition to its claims.
+        parts: of P2.
 
     Returns:
         Bytes; negative where more is promised than there is.
     """
-    free = resources.capacity.memory - load_of(resources.claims).memory - taken
+    free = (resources.capacity.memory - load_of(resources.claims).memory - taken) // parts
     return min(resources.load_memory, free // MEMORY_GRAIN * MEMORY_GRAIN)
+
+
+def parts_that_fit(resources: MeasuringResources, wanted: int, taken: int = 0) -> int:
+    """Say in how many parts P2 can be made: as many as wanted where each has the usual memory, else 1.
+
+    Args:
+        taken: bytes that are promised in addition to its claims.
+    """
+    return wanted if free_memory(resources, taken, wanted) >= USUAL_LOAD_MEMORY else 1
+
+
+def load_reserves(reserve: ReservePercent, parts: int) -> dict[str, ReservePercent]:
+    """Divide the reservation of P2 evenly among its parts.
+
+    Args:
+        reserve: of all parts together, per cent of each processor.
+
+    Returns:
+        Whole per cent by the name of the partition; the first part has what is left over.
+    """
+    each, left = divmod(reserve, parts)
+    return {name: each + (0 if number else left) for number, name in enumerate(LOAD_PARTITIONS[:parts])}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,33 +210,38 @@ def _counts(partition: Partition, application: str) -> bool:
 
 
 def shapes_of_test_partitions(
-    setup: EnvironmentSetup, logical_processors: int, load_memory: int
-) -> tuple[PartitionShape, PartitionShape]:
+    setup: EnvironmentSetup, logical_processors: int, load_memory: int, parts: int = 1
+) -> tuple[PartitionShape, ...]:
     """Shape P1 and P2: the load may use all of every logical processor.
 
     Args:
-        logical_processors: of the host; P2 has as many.
-        load_memory: of P2, in bytes.
+        logical_processors: of the host; each part of P2 has as many.
+        load_memory: of each part of P2, in bytes.
+        parts: of P2.
 
     Returns:
-        P1, then P2.
+        P1, then the parts of P2.
     """
     p1 = PartitionShape(
         name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight
     )
-    return p1, load_shape(logical_processors, load_memory)
+    return p1, *load_shapes(logical_processors, load_memory, parts)
 
 
-def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
+def load_shapes(logical_processors: int, load_memory: int, parts: int) -> tuple[PartitionShape, ...]:
     """Shape P2 alone, for an interfering load that was asked for: it gets what no other claims.
 
     Args:
-        logical_processors: of the host; P2 has as many.
+        logical_processors: of the host; each part of P2 has as many.
+        load_memory: of each part, in bytes.
 
     Returns:
-        P2 without a limit and with the highest weight.
+        The parts of P2 without a limit and with the highest weight.
     """
-    return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
+    return tuple(
+        PartitionShape(name=name, processors=logical_processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
+        for name in LOAD_PARTITIONS[:parts]
+    )
 
 
 Classes = Mapping[str, Mapping[str, RegistryValue]]
@@ -234,7 +262,6 @@ def running_test_partitions(
     Args:
         host: its lock is held by who calls.
         application: to which their marks say they belong.
-        shapes: made in this order.
         classes: values of task classes in the operating system of P1, by name; they go with it.
 
     Yields:
@@ -289,7 +316,7 @@ def set_reserves(
 
 
 def remove_test_partitions(host: StepwiseHost | ScriptedMeasuringHost) -> tuple[str, ...]:
-    """Remove every P1 and P2 that is on the host, made by any run: who holds the lock knows that no run measures.
+    """Remove every P1 and P2 on the host, made by any run: who holds the lock knows that no run measures.
 
     Args:
         host: its lock is held by who calls.

@@ -20,13 +20,16 @@ from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
     free_reserve,
-    load_shape,
+    load_reserves,
+    load_shapes,
+    parts_that_fit,
     running_test_partitions,
     set_reserves,
 )
-from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
-from rarms_iac.model.loads import Interference
+from rarms_iac.measuring.sampling import Contender, Settling, WatchEnd, wants_all_processors, watch
+from rarms_iac.model.loads import Interference, load_parts
 from rarms_iac.model.outcomes import (
+    Condition,
     Estimate,
     Met,
     Missed,
@@ -42,10 +45,11 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds, ReservePercent
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
-from rarms_iac.model.setting import P2, PartitionShape, SettingEvidence
-from rarms_iac.model.system import Component, TaskRequest, run_of
+from rarms_iac.model.setting import PartitionShape, SettingEvidence
+from rarms_iac.model.system import Component, TaskRequest, Threshold, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
+from rarms_iac.statistics.conditions import conditions_of, more_samples_lift
 from rarms_iac.statistics.distributions import ERROR, samples_needed
 from rarms_iac.statistics.overload import describe_overload, more_processors_help
 from rarms_iac.statistics.samples import response_times, starts_differ
@@ -118,6 +122,7 @@ class IndexVerdict:
     measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
     samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
+    condition: Condition | None = None  # on which it is met
 
     @property
     def met(self) -> bool:
@@ -126,7 +131,7 @@ class IndexVerdict:
 
     @output
     def error(self) -> float | None:
-        """The probability that it is wrong; None: there is no verdict on this."""
+        """The probability that it is wrong; None: no verdict on this."""
         return ERROR if isinstance(self.verdict, Met | Missed) else None
 
 
@@ -187,8 +192,13 @@ class LoadPartition:
     """P2 next to a layout: a load with all that the host has left, so that what is reserved stays reserved."""
 
     load: Interference
-    shape: PartitionShape
-    reserve: ReservePercent  # per cent of each of its processors
+    shapes: tuple[PartitionShape, ...]  # its parts
+    reserve: ReservePercent  # of all parts together: per cent of each of its processors
+
+    @property
+    def lacks_part(self) -> bool:
+        """Whether the host has no memory for all parts that the load usually has."""
+        return len(self.shapes) < load_parts(self.load, self.shapes[0].processors)
 
 
 def load_partition(load: Interference, resources: MeasuringResources) -> LoadPartition | None:
@@ -200,22 +210,25 @@ def load_partition(load: Interference, resources: MeasuringResources) -> LoadPar
     Returns:
         P2; None where the least memory of a partition is not left.
     """
-    memory = free_memory(resources)
+    processors = resources.capacity.logical_processors
+    parts = parts_that_fit(resources, load_parts(load, processors))
+    memory = free_memory(resources, parts=parts)
     if memory < LEAST_MEMORY:
         return None
-    shape = load_shape(resources.capacity.logical_processors, memory)
-    return LoadPartition(load=load, shape=shape, reserve=free_reserve(resources, memory))
+    shapes = load_shapes(processors, memory, parts)
+    return LoadPartition(load=load, shapes=shapes, reserve=free_reserve(resources, memory))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProofConditions:
     """What a layout is run under."""
 
-    load_partition: LoadPartition | None  # None: there is no load
+    load_partition: LoadPartition | None  # None: no load
     interference: str | None  # its name
     seed: int  # of chance, where the host draws it
     budget_ms: float  # of the host's time, in which a start may begin
     statements: int = 1  # thresholds, times the loads with which they are proven: one that is missed shares the error
+    slow_job: int = 1  # as of `policy.measuring`
 
     @property
     def load(self) -> Interference | None:
@@ -270,8 +283,9 @@ def prove(
     with ExitStack() as ends:
         ends.callback(control.reporter.settings.experiment_ended)
         if load_partition := conditions.load_partition:
-            ends.enter_context(running_test_partitions(host, layout.application, (load_partition.shape,)))
-            set_reserves(host, layout.application, (load_partition.shape,), {P2: load_partition.reserve})
+            shapes = load_partition.shapes
+            ends.enter_context(running_test_partitions(host, layout.application, shapes))
+            set_reserves(host, layout.application, shapes, load_reserves(load_partition.reserve, len(shapes)))
         while not proof.is_over:
             if (ended := proof.start_anew()) is not None:
                 return None if isinstance(ended, Stopped) else ended
@@ -280,7 +294,7 @@ def prove(
         interference=conditions.interference,
         layout=layout,
         series=proof.series,
-        verdicts=judge_layout(layout, proof.series, statements=conditions.statements),
+        verdicts=judge_layout(layout, proof.series, statements=conditions.statements, slow_job=conditions.slow_job),
         starts=proof.starts,
         evidence=proof.evidence,
         host_ms=proof.spent_ms,
@@ -323,10 +337,11 @@ class _Proof:
             scheduler_window_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
         )
         seed = self.conditions.seed * SEED_STEP + self.starts
-        work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
+        work = _work_of(self.layout, self.conditions.load_partition, seed, least_ms=settling.least_ms / STARTS)
         until = {component.name: self._until(component) for component in self.layout.judged}
         with self.host.run(replace(work, until=until)) as running:
-            seen = watch(running, self.layout.judged, settling, is_spent, stop.should_stop, limit_ms=most_ms)
+            end = WatchEnd(is_enough=is_spent, should_stop=stop.should_stop, limit_ms=most_ms)
+            seen = watch(running, self.layout.judged, settling, end)
             evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
         if seen is None:
             return Stopped()
@@ -341,7 +356,9 @@ class _Proof:
     @property
     def _is_overloaded(self) -> bool:
         """Whether a component was shown to ask for more than it gets."""
-        verdicts = judge_layout(self.layout, self.series, statements=self.conditions.statements)
+        verdicts = judge_layout(
+            self.layout, self.series, statements=self.conditions.statements, slow_job=self.conditions.slow_job
+        )
         return any(isinstance(each.verdict, Missed) and each.verdict.overload is not None for each in verdicts)
 
     def _with(self, name: str, part: Series) -> Series:
@@ -379,13 +396,19 @@ class _Proof:
         if done < 1.0 and self._starts_differ(component):
             done = NOT_GIVEN_UP
         return any(
-            judge_early(series, {index: threshold}, run_of(component), done=done, members=self.conditions.statements)
-            is None
-            for index, threshold in component.apt.items()
+            self._goes_on(component, series, index, threshold, done) for index, threshold in component.apt.items()
         )
 
+    def _goes_on(self, component: Component, series: Series, index: str, threshold: Threshold, done: float) -> bool:
+        """Return whether more starts may show that a threshold is met, without a condition, or missed."""
+        run, slow_job = run_of(component), self.conditions.slow_job
+        verdict = judge_early(series, {index: threshold}, run, done=done, members=self.conditions.statements)
+        if done >= 1.0 or not isinstance(verdict, Met):
+            return verdict is None
+        return more_samples_lift(verdict.judged, series, run, slow_job, samples=len(series.samples) / done)
 
-def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_ms: float) -> Work:
+
+def _work_of(layout: AppliedLayout, load: LoadPartition | None, seed: int, least_ms: float) -> Work:
     """Return everything that is applied, and the load in P2."""
     partitions = [
         PartitionWork(
@@ -400,7 +423,7 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_
         classes = classes_of(layout.on_host, layout.tasks, "", first_line("")).classes
         partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
     if load is not None:
-        partitions.append(PartitionWork(partition=P2, load=load))
+        partitions += (PartitionWork(partition=shape.name, load=load.load) for shape in load.shapes)
     return Work(
         application=layout.application,
         partitions=tuple(partitions),
@@ -426,7 +449,7 @@ def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Conte
 
 
 def judge_layout(
-    layout: AppliedLayout, seen: Mapping[str, Series], *, statements: int | None
+    layout: AppliedLayout, seen: Mapping[str, Series], *, statements: int | None, slow_job: int
 ) -> tuple[IndexVerdict, ...]:
     """Judge every index of every component's APT; the error holds for all looks at it together.
 
@@ -442,10 +465,21 @@ def judge_layout(
     """
     members = statements or sum(len(component.apt) for component in layout.judged)
     return tuple(
-        _judge_index(layout, component, index, seen[component.name], members)
+        _with_condition(
+            _judge_index(layout, component, index, seen[component.name], members), seen, component, slow_job
+        )
         for component in layout.judged
         for index in component.apt
     )
+
+
+def _with_condition(
+    verdict: IndexVerdict, seen: Mapping[str, Series], component: Component, slow_job: int
+) -> IndexVerdict:
+    if not isinstance(verdict.verdict, Met):
+        return verdict
+    found = conditions_of(verdict.verdict.judged, seen[component.name], run_of(component), slow_job)
+    return replace(verdict, condition=next(iter(found), None))
 
 
 def _judge_index(layout: AppliedLayout, component: Component, index: str, series: Series, members: int) -> IndexVerdict:
@@ -490,7 +524,7 @@ def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):
             return None, reason
         case TooManyFailures(failures=failures, allowed=allowed):
-            return None, f"{len(failures)} samples failed, and {allowed} may"
+            return None, f"{len(failures)} samples failed; {allowed} are allowed"
         case Met() | Missed() | WithinNoise():
             raise ValueError("a verdict on one index was asked for")
         case _:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Literal
 
-from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.control import UNATTENDED, Control, FinishedUnit, UnitEnding, WorkBegun
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, option, refuse_unknown
@@ -13,9 +13,12 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.measuring.duration import forecast_line
-from rarms_iac.measuring.findings import OCCUPIED, proof_findings, work_of_evidence
+from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED
+from rarms_iac.measuring.message_findings import messages_of_evidence
+from rarms_iac.measuring.missed_thresholds import proof_findings
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
+from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.measuring.partitions import MeasuringResources, host_resources
 from rarms_iac.measuring.proof import (
     STARTS,
@@ -34,14 +37,16 @@ from rarms_iac.measuring.session import (
     hold_measuring_hosts,
     no_measurable_host,
     refuse_what_cannot_run,
-    short_secrets_of,
+    start_warnings_of,
 )
-from rarms_iac.model.commands import command, prose
+from rarms_iac.measuring.units import describe_missing_part
+from rarms_iac.model.commands import CommandOption, RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
@@ -50,10 +55,13 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 
+LEAST_PROOF = 1_200_000.0
+"""The time of the host, in ms, that a proof has at least where the manifest does not say it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProveRequest:
-    """How an applied layout is to be run."""
+    """The request of `rarms prove`."""
 
     interference: tuple[str, ...] = option(
         "--interference",
@@ -61,10 +69,12 @@ class ProveRequest:
         help="Prove with this load; repeatable, one after the other. [default: the policy's]",
         default=(),
     )
-    without_load: bool = flag("--without-load", help="Prove without a load; the logs say so.")
+    without_load: bool = flag("--without-load", help="Prove without a load; the logs record it.")
     load_host: bool = load_host_option()
     samples: int | None = option(
-        "--samples", least=2, help="Take at least this many of each component. [default: as its thresholds need]"
+        "--samples",
+        least=2,
+        help="Take at least this many samples of each component. [default: as many as its thresholds need]",
     )
     seed: int = option("--seed", least=1, help="Seed of the random numbers. [default: 1]", default=USUAL_SEED)
     lock_timeout_ms: int = lock_timeout_option()
@@ -72,13 +82,14 @@ class ProveRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProveOutcome:
-    """What the components showed, all together."""
+    """The results of the components, all together."""
 
     kind: Literal["prove"] = "prove"
     proofs: tuple[LayoutProof, ...]  # one a host and load
     findings: tuple[Diagnostic, ...]  # thresholds that are not shown to be met
     not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
-    stopped: Internal[bool] = False  # an end was asked for: nothing is proven
+    stopped: Internal[bool] = False  # an end was asked for: `proofs` has those that had ended
+    remaining: tuple[str, ...] = ()  # loads that a stopped proof has not proven with
 
     @output
     def met(self) -> bool:
@@ -93,8 +104,8 @@ def prove_layout(
 ) -> ProveOutcome:
     """Run all components together where they are applied, and judge every index against its threshold.
 
-    They run with the loads of the policy, one after the other. What they show is written into the configuration logs,
-    with any result.
+    They run with the loads of the policy, one after the other. What they show with a load is written into the
+    configuration logs once that has ended, with any result, and stays where the next one is stopped.
 
     Args:
         hosts: Those that can run components are held meanwhile.
@@ -122,18 +133,17 @@ def prove_layout(
         states = {name: host.observe() for name, host in holding.held_hosts.items()}
         everywhere = {**observe_others(hosts, names), **states}
         layouts = _layouts_to_prove(hosts, states, everywhere, request.samples)
-        proofs = _prove_all(holding, layouts, states, loads_to_prove(hosts.system, request))
-    if proofs is None:
-        return ProveOutcome(proofs=(), findings=(), stopped=True)
-    with hold_configuration_logs(hosts.folder), log_errors():
-        _record(hosts, proofs, states)
+        loads = loads_to_prove(hosts.system, request)
+        proofs, remaining = _prove_all(holding, layouts, states, loads)
+    if remaining is not None:
+        return ProveOutcome(proofs=tuple(proofs), findings=(), stopped=True, remaining=remaining)
     system_hosts = hosts.system.hosts
     started = [(system_hosts[name], each.name) for name, layout in layouts.items() for each in layout.components]
     proven = {name for layout in layouts.values() for name in layout.partitions}
     return ProveOutcome(
         proofs=tuple(proofs),
         findings=(
-            *short_secrets_of(hosts.manifest, started),
+            *start_warnings_of(hosts.manifest, started),
             *proof_findings(hosts, proofs, everywhere, load_host=request.load_host),
             *_work_findings(hosts, proofs),
         ),
@@ -156,6 +166,7 @@ def _prove_on_each(hosts: Hosts, names: Sequence[str], request: ProveRequest, co
             name for name in outcomes[0].not_proven if all(name in outcome.not_proven for outcome in outcomes)
         ),
         stopped=any(outcome.stopped for outcome in outcomes),
+        remaining=tuple(load for outcome in outcomes for load in outcome.remaining),
     )
 
 
@@ -185,23 +196,75 @@ def _prove_all(
     layouts: Mapping[str, AppliedLayout],
     states: Mapping[str, State],
     loads: Sequence[str],
-) -> list[LayoutProof] | None:
-    """Prove layout after layout, each with load after load; None: an end was asked for."""
+) -> tuple[list[LayoutProof], tuple[str, ...] | None]:
+    """Prove layout after layout, each with load after load, and record each proof.
+
+    Returns:
+        The proofs that ended, and the loads that are left where an end was asked for; None: it was not.
+    """
     proofs: list[LayoutProof] = []
+    reporter, of = session.control.reporter, max(1, len(loads)) * len(layouts)
+    reporter.settings.work_begun(WorkBegun(units=of))
     thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
     for name, layout in layouts.items():
         conditions = _conditions(session, states[name], layout, loads, thresholds)
-        _announce(session, name, layout, conditions)
-        left_ms = float(session.hosts.system.policy.measuring.proof)
+        most_ms, spent_ms = _announce(session, name, layout, conditions), 0.0
+        left_ms = proof_budget_ms(session.hosts.system, len(conditions))
         for number, each in enumerate(conditions):
             began = session.wall_times.clock()
             within = replace(each, budget_ms=left_ms / (len(conditions) - number))
             proof = _prove(session, name, layout, within)
             if proof is None:
-                return None
+                left = [each.interference for each in conditions[number:] if each.interference]
+                return proofs, tuple(left) if len(layouts) == 1 else ()  # of several hosts all are proven again
             left_ms = max(0.0, left_ms - proof.host_ms)
             proofs.append(replace(proof, wall_seconds=session.wall_times.clock() - began))
-    return proofs
+            with hold_configuration_logs(session.hosts.folder), log_errors():
+                _record(session.hosts, proofs[-1:], states)
+            reporter.settings.unit_ended(_unit_of(proof, len(proofs), of))
+            before, spent_ms = spent_ms, spent_ms + 1000 * proofs[-1].wall_seconds
+            if before <= most_ms < spent_ms:
+                reporter.message(f"The proof on {name} takes longer than the announced {show_duration(most_ms)}.")
+    return proofs, None
+
+
+def proof_budget_ms(system: System, runs: int) -> float:
+    """Return how long a proof may take: as the manifest says, else as long with each load as a setting may.
+
+    Args:
+        runs: how many loads there are, at least 1.
+    """
+    limits = system.policy.measuring
+    if limits.proof is not None:
+        return float(limits.proof)
+    return max(LEAST_PROOF, runs * float(limits.setting))
+
+
+def continue_command(outcome: ProveOutcome, request: ProveRequest, hosts: Sequence[str]) -> RecommendedCommand:
+    """Return the command that proves with the loads that a stopped proof left; with all where that is not known.
+
+    Args:
+        hosts: the chosen ones, by name; none: all of the manifest.
+    """
+    loads = (outcome.remaining if outcome.proofs else ()) or request.interference
+    named = (
+        *(CommandOption("--host", name) for name in hosts),
+        *(CommandOption("--interference", load) for load in dict.fromkeys(loads)),
+    )
+    again = replace(command("prove"), options=named)
+    return again.also(
+        without_load=request.without_load,
+        load_host=request.load_host,
+        samples=request.samples or False,
+        seed=request.seed != USUAL_SEED and request.seed,
+    )
+
+
+def _unit_of(proof: LayoutProof, number: int, of: int) -> FinishedUnit:
+    """Return the report of a layout's proof with one load."""
+    words = [verdict_word(each.verdict) for each in proof.verdicts]
+    ending: UnitEnding = "missed" if "missed" in words else "met" if set(words) <= {"met"} else "not shown yet"
+    return FinishedUnit(number=number, of=of, subject=proof.host, load=proof.interference or "no load", ending=ending)
 
 
 def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
@@ -220,8 +283,12 @@ def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
 
 def _announce(
     session: MeasuringSession, name: str, layout: AppliedLayout, conditions: Sequence[ProofConditions]
-) -> None:
-    """Say what a proof takes of a host, before it begins."""
+) -> float:
+    """Say what a proof takes of a host, before it begins.
+
+    Returns:
+        The longest time that was announced, in ms by the user's clock; infinite where there is none.
+    """
     loads = [each.interference for each in conditions if each.interference]
     with_load = f"with {in_a_row(loads)}, using all idle time" if loads else "without load"
     least = most = _last_proof_ms(session.hosts, name, layout, [each.interference for each in conditions])
@@ -229,28 +296,32 @@ def _announce(
     if session.hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:  # else its clock is not the user's
         window_ms, simulated = session.held_hosts[name].scheduler_memory_ms, ""
         least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
-        most = max(least, float(session.hosts.system.policy.measuring.proof))
+        most = max(least, proof_budget_ms(session.hosts.system, len(conditions)))
     starts = f"at least {counted(STARTS * len(conditions), 'start')} of all components"
     line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most or inf)
     session.control.reporter.message(f"{line}.")
+    parts = {each.interference: each.load_partition for each in conditions}
+    if short := [load for load, partition in parts.items() if load and partition and partition.lacks_part]:
+        session.control.reporter.message(describe_missing_part(name, short))
+    return most or inf
 
 
 def _last_proof_ms(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> float:
-    """Return how long the last proof of each load took its user; 0: one of them was not proven yet."""
+    """Return the duration of the last proofs with all loads together; 0: one load has no proof yet."""
     proofs = (entry for entry in _recorded(hosts, host, layout) if isinstance(entry, Proven))
     took = {proof.interference: proof.wall_seconds for proof in proofs if proof.host == host}
     return 1000 * sum(took[load] for load in loads) if all(took.get(load) for load in loads) else 0.0
 
 
 def _recorded(hosts: Hosts, host: str, layout: AppliedLayout) -> tuple[Entry, ...]:
-    """Return what the configuration logs of a layout's components hold."""
+    """Return the entries of the configuration logs of a layout's components."""
     platform = hosts.system.hosts[host].platform
     logs = [configuration_path(hosts.folder, platform, component.name) for component in layout.judged]
     with log_errors():
         return tuple(entry for log in logs for entry in read_entries(log))
 
 
-def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
+def _record(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State]) -> None:
     """Write every PI against its APT into the configuration logs, with any result."""
     for proof in proofs:
         application = proof.layout.application
@@ -303,7 +374,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
     measurable = tuple(name for name in hosts.chosen if hosts.can_run_on(name))
     if not measurable:
         raise no_measurable_host(
-            hosts, "Run the components there by hand, and compare what they show with their thresholds."
+            hosts, "Run the components there by hand, and compare their values with the thresholds."
         )
     return measurable
 
@@ -311,10 +382,10 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 def _conditions(
     session: MeasuringSession, state: State, layout: AppliedLayout, loads: Sequence[str], thresholds: int
 ) -> tuple[ProofConditions, ...]:
-    """Return what the layout of a host is run under, one after the other.
+    """Return the conditions under which the layout of a host is run, in their order.
 
     Raises:
-        UseCaseError: There is no room for a load, or the host cannot run it or a component (negative).
+        UseCaseError: no room for a load, or the host cannot run it or a component (negative).
     """
     system, host = session.hosts.system, session.held_hosts[state.facts.name]
     refuse_what_cannot_run(
@@ -326,12 +397,15 @@ def _conditions(
     )
     room = host_resources(system.hosts[host.name], state, system.application.name)
     runs = max(1, len(loads))
+    # All loads of the policy share the error, also where a stopped proof continues with the rest of them.
+    statements = max(runs, len(loads_to_prove(system, ProveRequest())))
     conditions = ProofConditions(
         load_partition=None,
         interference=None,
         seed=session.seed or USUAL_SEED,
-        budget_ms=float(system.policy.measuring.proof) / runs,
-        statements=runs * thresholds,
+        budget_ms=proof_budget_ms(system, runs) / runs,
+        statements=statements * thresholds,
+        slow_job=system.policy.measuring.slow_job,
     )
     if not loads:
         return (conditions,)
@@ -348,10 +422,10 @@ def _conditions(
 def _make_load(load: Interference, room: MeasuringResources, name: str, host: str) -> LoadPartition:
     partition = load_partition(load, room)
     if partition is None:
-        advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
+        advice = prose("Free some memory, or prove without a load: ", command("prove", without_load=True), ".")
         finding = OCCUPIED.at(
             None,
-            "{host} has no memory left for a partition that holds {interference}.",
+            "{host} does not have enough memory for the partition of {interference}.",
             advice,
             host=host,
             interference=name,
@@ -368,7 +442,9 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
         by_host.setdefault(proof.host, []).append(proof)
     for of_host in by_host.values():
         names = [component.name for component in of_host[0].layout.components]
-        yield from work_of_evidence(names, [each for proof in of_host for each in proof.evidence], places)
+        evidence = [each for proof in of_host for each in proof.evidence]
+        yield from work_of_evidence(names, evidence, places)
+        yield from messages_of_evidence(evidence, places)
 
 
 def _prove(

@@ -15,27 +15,30 @@ from typing import Literal, NoReturn
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.manifests import Manifest, unaccepted_short_secrets
+from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import failed_samples, work_of_evidence
+from rarms_iac.measuring.findings import failed_samples
+from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
+from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, TooManyFailures, Verdict
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
-from rarms_iac.model.series import Sample, Series, SkippedLines
+from rarms_iac.model.quantities import Milliseconds, show_duration
+from rarms_iac.model.run import AttachedContainer, AttachedService, Call, Elapsed, Run, SampleCount
+from rarms_iac.model.series import HeardMessages, Sample, Series, SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
+from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
+from rarms_iac.running.start import become, order_of
 from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
@@ -43,12 +46,12 @@ from rarms_iac.statistics.verdicts import judge_each
 
 CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 
-MISSED_UNRESERVED = Finding.warning("RARMS288", "An APT is missed without any reservation")
+MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
 
 _WHY_SAMPLES_FAIL = (
-    "Look at what it writes on standard error, and whether `run.samples` fits its output; it must write each line at "
-    "once (flush it). `run.failures` allows some; a job of `per_run` may end with any exit code where the APT has a "
-    "`success_rate`."
+    "Check its standard error, and whether `run.samples` fits its output. It must write each line "
+    "at once (flush). `run.failures` allows failed samples. With a `success_rate` in the APT, a job "
+    "of `per_run` may end with any exit code."
 )
 
 
@@ -71,6 +74,11 @@ class ComponentRunResult:
     def skipped_lines(self) -> SkippedLines:
         """Lines of its output that are not samples."""
         return self.evidence.skipped_lines.get(self.component.name, SkippedLines())
+
+    @output
+    def heard_messages(self) -> HeardMessages | None:
+        """The messages that its samples come from; None: they come from elsewhere."""
+        return self.evidence.messages.get(self.component.name)
 
     @property
     def evidence(self) -> SettingEvidence:
@@ -105,7 +113,7 @@ class ComponentRunResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """What all of the components showed, and what is wrong with it."""
+    """The results of all components, with the faults in them."""
 
     kind: Literal["component_run"] = "component_run"
     results: tuple[ComponentRunResult, ...]
@@ -120,7 +128,7 @@ UNRESERVED = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRequest:
-    """Which components to run, for how long, against what.
+    """The request of `rarms run`.
 
     Raises:
         RequestError: it says how long and how many samples, or no time at all.
@@ -128,9 +136,9 @@ class RunRequest:
 
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all that say how
     for_ms: int | None = option(
-        "--for", metavar="TIME", read=read_time, help="Run for this long: 5s. [default: as `until` says]"
+        "--for", metavar="TIME", read=read_time, help="Run for this long: 5s. [default: `until`]"
     )
-    samples: int | None = option("--samples", least=1, help="Run until there are this many. [default: as `until` says]")
+    samples: int | None = option("--samples", least=1, help="Run until there are this many samples. [default: `until`]")
     interference: str | None = option(
         "--interference", metavar="NAME", help="Run with this load of the manifest. [default: none]"
     )
@@ -138,7 +146,7 @@ class RunRequest:
 
     def __post_init__(self) -> None:
         if self.for_ms is not None and self.for_ms < 1:
-            raise RequestError("--for has to be at least 1 ms.")
+            raise RequestError("--for must be at least 1 ms.")
         if self.for_ms is not None and self.samples is not None:
             raise RequestError("Give --for or --samples, not both.")
 
@@ -185,7 +193,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     system, chosen = manifest.system, _chosen(manifest, request)
     base = manifest.code_folder.resolve()
     results: list[ComponentRunResult] = []
-    findings = [*unaccepted_short_secrets(manifest, (component for component, _ in chosen))]
+    findings = [*start_warnings(manifest, [component for component, _ in chosen])]
     listener = reporter or SampleReporter()
     places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
     try:
@@ -193,7 +201,10 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             for group in [chosen] if request.together else [[component] for component in chosen]:
                 ran = _run_group(group, base, places, load, listener)
                 results += ran
-                findings += work_of_evidence([each.component.name for each in ran], [ran[0].evidence], manifest.places)
+                names = [each.component.name for each in ran]
+                reserved = all(places[name] != ProcessPlace() for name in names)
+                findings += work_of_evidence(names, [ran[0].evidence], manifest.places, reserved=reserved)
+                findings += messages_of_evidence([ran[0].evidence], manifest.places)
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)
@@ -202,14 +213,15 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             finding = load_problem(name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except UnreadableFile as problem:
-        advice = "Compare it with what the kernel documents; a tool may have put a file over it."
+        advice = "Compare it with the kernel's documentation. A tool may have mounted a file over it."
         finding = CANNOT_RUN.at(None, "{reason}.", advice, reason=str(problem))
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_RUN.at(None, "{reason}.", "It was ended from outside: run it again.", reason=str(problem))
+        finding = CANNOT_RUN.at(None, "{reason}.", "Another program ended it. Run it again.", reason=str(problem))
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     for result in results:
-        findings += findings_of_run(result, manifest, reserved=places[result.component.name] != ProcessPlace())
+        reserved = places[result.component.name] != ProcessPlace()
+        findings += findings_of_run(result, manifest, reserved=reserved, load=request.interference)
     return RunOutcome(results=tuple(results), findings=tuple(findings))
 
 
@@ -229,7 +241,7 @@ def run_components_of(
     if not robots:
         return run_components(hosts.manifest, request, reporter)
     if len(robots) > 1:
-        advice = prose("Name one of them: ", command("run", *request.components, host=robots[0]), ".")
+        advice = prose("Choose one of them: ", command("run", *request.components, host=robots[0]), ".")
         raise RequestError(f"Components can run on {in_a_row(robots)}.", advice)
     chosen = [component.name for component, _ in _chosen(hosts.manifest, request)]
     loads = () if request.interference is None else (request.interference,)
@@ -244,10 +256,10 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
 
     Raises:
         UseCaseError: It cannot be started (failed), or does not say how (negative).
-        RequestError: There is no such component, it is a call, or this is Windows, where no process becomes another.
+        RequestError: no such component, it is a call, or this is Windows, where no process becomes another.
     """
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
-    if sys.platform == "win32" or isinstance(run.start, Call):
+    if sys.platform == "win32" or isinstance(run.start, Call | AttachedService | AttachedContainer):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
     context = StartContext(
         base=manifest.code_folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
@@ -315,8 +327,11 @@ def _run_group(
     evidence = SettingEvidence(
         elapsed_ms=elapsed_ms,
         skipped_lines={run.component: run.skipped for run in runs if run.skipped.count},
+        messages={run.component: heard for run in runs if (heard := run.heard)},
         outside=looked.outside([run.place for run in runs], elapsed_ms),
+        others=looked.others(elapsed_ms, elapsed_ms),
         out_of_memory={run.component: killed for run in runs if (killed := run.killed_for_memory)},
+        threads={run.component: run.threads for run in runs if not run.threads.is_fine},
     )
     results = [
         ComponentRunResult(
@@ -351,11 +366,14 @@ def _looking(looked: WorkPlaces, runs: Sequence[ComponentRun]) -> Iterator[None]
         thread.join()
 
 
-def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved: bool) -> Iterator[Diagnostic]:
+def findings_of_run(
+    result: ComponentRunResult, manifest: Manifest, *, reserved: bool, load: str | None
+) -> Iterator[Diagnostic]:
     """Report what is wrong with a run.
 
     Args:
         reserved: whether it ran in a partition, so that an APT that is missed says nothing.
+        load: the interfering load that ran meanwhile; None: none.
 
     Yields:
         Too many failed samples, or each APT that is missed although nothing was reserved.
@@ -372,15 +390,43 @@ def findings_of_run(result: ComponentRunResult, manifest: Manifest, *, reserved:
         return
     missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
     for index in () if reserved else missed:
+        busy = _describe_others(result, load)
         yield MISSED_UNRESERVED.at(
             places.key("components", name, "apt", index),
-            '"{component}" misses its {index} on this machine although nothing takes processor time from '
-            "it but what runs here anyway: no reservation would help it.",
-            "Relax the APT, correct or speed up the component, or run it on the machine that it is meant for.",
+            "{component} misses its {index} without a reservation. {_others}",
+            prose(
+                "Measure whether a reservation helps: ",
+                command("measure", name),
+                ". Or free the computer, and run it again.",
+            )
+            if busy
+            else "Relax the threshold, make the component faster, or run it on the machine that it is meant for.",
             address=f"component/{name}",
             component=name,
             index=index,
+            _others=busy or "On a computer that does nothing else, a reservation would not help.",
         )
+
+
+_LEAST_OTHERS = 0.05
+"""Part of a run's time from which the processor time of other programs may have delayed a component."""
+
+
+def _describe_others(result: ComponentRunResult, load: str | None) -> str:
+    """Describe who may have taken processor time from a component that ran without a reservation; empty: nobody.
+
+    A container or a service is not told from other programs here.
+    """
+    if load is not None:
+        return f"The load {load} ran meanwhile: a reservation may help."
+    elapsed_ms = result.evidence.elapsed_ms
+    others_ms = sum(work.cpu_ms for work in result.evidence.others if work.name != "rarms")
+    if others_ms < _LEAST_OTHERS * elapsed_ms:
+        return ""
+    return (
+        f"Other programs used {show_duration(others_ms)} of processor time in the {show_duration(elapsed_ms)} of the "
+        "run: a reservation may help."
+    )
 
 
 def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
@@ -390,8 +436,10 @@ def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
         manifest.places.key("components", name, "run"),
         '"{component}" cannot be started: {reason}.',
         problem.advice
-        or "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is "
-        "looked for on the PATH. A module of `run.call` is found from the manifest's folder.",
+        or (
+            "Files in `run.command`, and `run.folder`, are relative to the manifest; rarms searches "
+            "programs on the PATH. A module of `run.call` is relative to the manifest's folder."
+        ),
         address=f"component/{name}",
         component=name,
         reason=problem.message,
@@ -406,8 +454,8 @@ def load_problem(name: str, message: str) -> Diagnostic:
     """
     return CANNOT_RUN.at(
         None,
-        'The interference "{interference}" does not run: {reason}.',
-        "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
+        'The load "{interference}" does not run: {reason}.',
+        "Start its program by hand. Browsers need chromium or a browser based on it on the PATH.",
         address=f"interference/{name}",
         interference=name,
         reason=message,
@@ -418,7 +466,7 @@ def nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
     """Make the finding of a component that does not say how it is run."""
     return CANNOT_RUN.at(
         manifest.places.key("components", name),
-        '"{component}" has no `run`.',
+        '"{component}" does not have a `run`.',
         "Add `run` with a `command` or a `call`.",
         address=f"component/{name}",
         component=name,

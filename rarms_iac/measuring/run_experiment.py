@@ -5,7 +5,7 @@ and in which order, is for `measure` and for tuning to say.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -20,32 +20,46 @@ from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.measuring.partitions import MeasuringResources, highest_reserve, host_resources, other_running_partitions
-from rarms_iac.measuring.search.trials import conclude
-from rarms_iac.measuring.session import (
-    MeasuringSession,
-    refuse_what_cannot_run,
-    stop_own_partitions,
-    stopped_to_measure,
+from rarms_iac.measuring.partitions import (
+    MeasuringResources,
+    highest_reserve,
+    host_resources,
+    other_running_partitions,
+    parts_that_fit,
 )
+from rarms_iac.measuring.search.crossings import begun_before
+from rarms_iac.measuring.search.trials import conclude, conditions_at
+from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run
 from rarms_iac.measuring.setting_run import Site, other_processors, run_setting
+from rarms_iac.measuring.stopping import stop_own_partitions, stopped_to_measure
 from rarms_iac.measuring.strategies import (
+    FirstPass,
     Method,
     Search,
     SettingCount,
     Strategy,
     Sweep,
-    ThresholdCheck,
     goal_of,
     is_of_paper,
     strategy_of,
 )
+from rarms_iac.measuring.units import describe_missing_part
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import DIFFERENT, MISSING, Diagnostic
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.loads import is_steady
-from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Swept
+from rarms_iac.model.outcomes import (
+    Conclusion,
+    Condition,
+    Measure,
+    NotAchievable,
+    NotResolved,
+    SettingFailed,
+    Stopped,
+    Sufficient,
+    Swept,
+)
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
@@ -59,7 +73,7 @@ from rarms_iac.statistics.curves import curves_of, least_reserve
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Availability:
-    """What an experiment can get of its host, and what is in the way there."""
+    """The resources of a host for an experiment, and the obstacles there."""
 
     resources: MeasuringResources
     running: tuple[Partition, ...]  # they run during the experiment, and rarms does not stop them
@@ -81,7 +95,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
     with session.control.stop.gently(), hold_data_log(session.hosts.folder, path, session.lock_timeout_ms):
         experiment = with_part_of_budget(experiment, session.host_of(experiment).scheduler_memory_ms)
         experiment = with_observed_processors(session, experiment)
-        says_duration = not isinstance(method, ThresholdCheck)  # tuning reports its own questions
+        says_duration = _says_duration(method)
         while True:
             run = _begin(session, experiment, method, says_duration=says_duration)
             answer = measure_settings(run)
@@ -91,15 +105,21 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
                 break
             says_duration = False
             if experiment.processors_from is ProcessorSource.HOST:
-                reporter.message(_describe_number(experiment, answer.number))
+                if not isinstance(method, FirstPass):  # it says so for all together
+                    reporter.message(_describe_number(experiment, answer.number))
             else:
                 finding = findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
                 reporter.findings([finding], session.hosts.manifest.sources)
-                says_duration = not isinstance(method, ThresholdCheck)  # what was said counted for one curve
+                says_duration = _says_duration(method)  # what was said counted for one curve
             experiment = experiment.with_processors(answer)
         if experiment.processors_from is ProcessorSource.HOST and most_used(answer.settings) is not None:
             experiment = replace(experiment, processors_from=ProcessorSource.USED)  # all of the host's are
         return replace(answer, experiment=experiment)
+
+
+def _says_duration(method: Method) -> bool:
+    """Tell whether an experiment says how long it takes. Tuning reports its own questions; what confirms is short."""
+    return isinstance(method, Sweep) or (isinstance(method, Search) and is_of_paper(method))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,16 +144,17 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
 
     Returns:
         How it ended, with all settings that count; or the number of processors that P1 was seen to use, where it has
-        another one: what was measured so far is no curve of it.
+        another one: what was measured so far is not a curve of it.
 
     Raises:
         UseCaseError: As of `stop_what_is_in_the_way`.
         HostError: The host did not do what was asked; what is recorded stays.
         OSError: The log cannot be written.
     """
-    session, experiment, known, new = run.session, run.experiment, run.log.known, 0
+    session, experiment, new = run.session, run.experiment, 0
+    known = run.log.seen if isinstance(run.method, FirstPass) else run.log.known
     reporter, times = session.control.reporter.settings, session.wall_times
-    remeasurement = session.remeasurements.get(run.log.path)
+    remeasurement = None if isinstance(run.method, FirstPass) else session.remeasurements.get(run.log.path)
     again = None if remeasurement is None else remeasurement.seed
     seed = again or session.seed or max((each.seed for each in known.runs), default=0) or USUAL_SEED
 
@@ -143,7 +164,9 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             conclusion=conclusion,
             settings=known.settings,
             new=new,
-            planned=least_shown(experiment, known.settings),
+            planned=_planned(run, conclusion, known.settings),
+            conditions=_conditions(experiment, conclusion, known.settings),
+            is_provisional=_is_provisional(run, conclusion, known.settings),
             log=run.log.path.as_posix(),
         )
 
@@ -152,7 +175,8 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
         ends.callback(reporter.experiment_ended)
         site: Site | None = None
         while True:
-            decision = run.strategy.decide(known.seen_with(again))
+            seen = known.seen_with(again)
+            decision = run.strategy.decide(seen)
             if not isinstance(decision, Measure):
                 if again is None:
                     return ended(decision)
@@ -167,7 +191,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 ends.enter_context(site.partitions())
             began, remaining = times.clock(), times.remaining(experiment, run.count, new, running=1)
             reporter.setting_started(experiment, decision.reserve, remaining)
-            setting = run_setting(site, decision, known)
+            setting = run_setting(site, decision, known, begun_before(decision.reserve, seen))
             if not isinstance(setting, Setting):
                 return ended(setting)
             times.add(experiment, times.clock() - began)
@@ -179,13 +203,33 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 return ProcessorNumber(number=number, source=ProcessorSource.USED)
 
 
+def _is_provisional(run: ExperimentRun, conclusion: Conclusion, settings: Sequence[Setting]) -> bool:
+    """Tell whether an end is one of estimates alone."""
+    if not isinstance(run.method, FirstPass):
+        return False
+    return not isinstance(conclusion, Sufficient) or least_shown(run.experiment, settings) is None
+
+
+def _planned(run: ExperimentRun, conclusion: Conclusion, settings: Sequence[Setting]) -> ReservePercent | None:
+    if isinstance(run.method, FirstPass) and isinstance(conclusion, Sufficient):
+        return conclusion.reserve
+    return least_shown(run.experiment, settings)
+
+
+def _conditions(experiment: Experiment, conclusion: Conclusion, settings: Sequence[Setting]) -> tuple[Condition, ...]:
+    """Return the conditions on which the thresholds are met at the answer; none without an answer."""
+    if not isinstance(conclusion, Sufficient):
+        return ()
+    return conditions_at(settings, goal_of(experiment), conclusion.reserve)
+
+
 def least_shown(experiment: Experiment, settings: Sequence[Setting]) -> ReservePercent | None:
     """Return the least CR that these settings show to be enough, which a plan reserves; None: they show none."""
     return least_reserve(curves_of(settings, experiment.runs, experiment.apts))
 
 
 def _prepared(run: ExperimentRun, seed: int) -> Site:
-    """Return where the settings run: what is in the way there is refused or stopped, and the duration is told."""
+    """Return the site of the settings, after obstacles there are refused or stopped and the duration is reported."""
     session, experiment, available = run.session, run.experiment, run.available
     stop_what_is_in_the_way(session, experiment, run.method, available)
     if run.says_duration and run.count is not None:
@@ -218,6 +262,49 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     )
 
 
+def with_load_parts(
+    session: MeasuringSession, experiment: Experiment, method: Method, resources: MeasuringResources
+) -> Experiment:
+    """Return the experiment with as many parts of P2 as its load has by this method, and as the host has memory for.
+
+    A sweep and the paper's strategy have the paper's P2, in one part, unless settings with two are recorded: a plan
+    goes by these, and theirs are to join them.
+
+    Raises:
+        UseCaseError: The data log is damaged (negative).
+    """
+    several = in_load_parts(experiment, resources)
+    if several.load_parts > 1 and has_one_p2(method) and read_experiment_log(session, several).valid is None:
+        return experiment
+    return several
+
+
+def has_one_p2(method: Method) -> bool:
+    """Tell whether a method has the P2 of the paper: a sweep, and the paper's strategy."""
+    return isinstance(method, Sweep) or is_of_paper(method)
+
+
+def in_load_parts(experiment: Experiment, resources: MeasuringResources) -> Experiment:
+    """Return the experiment with as many parts of P2 as a search has, and as the host has memory for."""
+    parts = parts_that_fit(resources, experiment.usual_load_parts, experiment.setup.memory)
+    return replace(experiment, load_parts=parts)
+
+
+def resources_by_host(session: MeasuringSession, experiments: Sequence[Experiment]) -> dict[str, MeasuringResources]:
+    """Look at each host of these experiments once."""
+    by_host = {each.host.name: each for each in experiments}
+    return {name: available_on_host(session, each).resources for name, each in by_host.items()}
+
+
+def describe_missing_parts(session: MeasuringSession, experiments: Sequence[Experiment]) -> Iterator[str]:
+    """Yield a sentence for each host without memory for the second partition of some loads."""
+    in_two = [each for each in experiments if each.usual_load_parts > 1]
+    for host, resources in resources_by_host(session, in_two).items():
+        in_parts = [in_load_parts(each, resources) for each in in_two if each.host.name == host]
+        if loads := [each.setup.interference for each in in_parts if each.load_parts == 1]:
+            yield describe_missing_part(host, loads)
+
+
 def _describe_number(experiment: Experiment, number: int) -> str:
     before = experiment.setup.processors
     return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {number} VP instead of {before}."
@@ -226,12 +313,14 @@ def _describe_number(experiment: Experiment, number: int) -> str:
 def _begin(session: MeasuringSession, experiment: Experiment, method: Method, *, says_duration: bool) -> ExperimentRun:
     """Look at the log and the host, and choose settings for as many processors as the experiment has."""
     available = available_on_host(session, experiment)
+    experiment = with_load_parts(session, experiment, method, available.resources)
     log = read_experiment_log(session, experiment)
     if log.changed:
         _refuse_other_hardware(session, experiment, log)
         changes = "; ".join(map(str, log.changed))
         session.control.reporter.message(
-            f"Changed since {log.path.as_posix()} was measured: {changes}. Its results stay there and do not count."
+            f"Changed since {log.path.as_posix()} was measured: {changes}. rarms keeps its results but does "
+            "not use them."
         )
     again = session.remeasurements.get(log.path)
     recorded = [each for each in log.known.runs if again is None or each.seed == again.seed]
@@ -296,13 +385,13 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
     Raises:
         UseCaseError: There is such a member (negative).
     """
-    if not isinstance(method, Search):
+    if not isinstance(method, Search | FirstPass):
         return
     for member in experiment.members:
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
             advice = prose(
-                "Give it one, or measure chosen settings: ",
+                "Add one, or measure chosen settings: ",
                 command("measure", member.name, from_="10%", to="100%"),
                 ".",
             )
@@ -311,7 +400,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
                 [
                     MISSING.at(
                         place,
-                        "{component} has no `apt`.",
+                        "{component} does not have an `apt`.",
                         advice,
                         address=f"component/{member.name}",
                         component=member.name,
@@ -353,23 +442,28 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     host = experiment.host.name
     if available.running and not session.on_busy_host:
         running = tuple(partition.shown_name for partition in available.running)
-        template = "On {host} these run, and would change what is measured: {_names}."
-        advice = "Stop them on the host. Or give --on-busy-host: the log says so."
+        template = "These run on {host} and would change the measurement: {_names}."
+        advice = "Stop them on the host. To measure anyway, give --on-busy-host; the log records it."
         finding = OCCUPIED.of_host(host, template, advice, partitions=running, _names=", ".join(running))
         raise UseCaseError(Outcome.REFUSED, [finding])
     if is_of_paper(method) and not available.resources.unreserved:
-        template = "On {host} a part of the processors is kept for the host or reserved by other machines."
+        template = "A part of the processors of {host} is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise UseCaseError(Outcome.REFUSED, [OCCUPIED.of_host(host, template, advice)])
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         advice = "Stop other machines, lower keep_for_host, or give the component less memory."
         if available.highest_reserve:
-            advice = f"End there: `--to {available.highest_reserve}%`. Or stop other machines, or lower keep_for_host."
+            advice = (
+                f"Measure up to there: `--to {available.highest_reserve}%`. Or stop other machines, or lower "
+                "keep_for_host."
+            )
         finding = OCCUPIED.of_host(
             host,
-            "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of each of "
-            "its {processors} processors, and P2, that of the load, some memory, too.",
+            (
+                "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of "
+                "each of its {processors} processors, because P2, the partition of the load, also needs memory."
+            ),
             advice,
             highest_reserve_percent=available.highest_reserve,
             asked_reserve_percent=asked_reserve,
@@ -402,8 +496,8 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
     names = tuple(partition.shown_name for partition in running)
     return DIFFERENT.of_host(
         experiment.host.name,
-        "{_experiment} was measured while these ran on {host}: {_names}. Its log says so.",
-        "Measure it again on a quiet host with --again: then this no longer counts.",
+        "{_experiment} was measured while these ran on {host}: {_names}. The log records it.",
+        "Measure again on a quiet host with --again.",
         partitions=names,
         _experiment=experiment.name,
         _names=", ".join(names),
@@ -424,19 +518,30 @@ def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, .
 
 
 def measure_with_each_load(
-    session: MeasuringSession, experiments: Sequence[Experiment], method: Method
+    session: MeasuringSession,
+    experiments: Sequence[Experiment],
+    method: Method,
+    begin: ReservePercent = 0,
+    ended: Callable[[ExperimentResult], None] = lambda _result: None,
 ) -> tuple[ExperimentResult, ...]:
     """Find the least reservation that meets the thresholds under every load.
 
     Args:
         experiments: The same components on the same host, one a load.
+        begin: The answer of the first pass, at which the search with the first load begins; 0: there is none.
+        ended: Told the result with each load, once.
 
     Returns:
         A result for each load that was measured.
     """
     results: tuple[ExperimentResult, ...] = ()
+    if isinstance(method, Search):
+        method = replace(method, begin=begin)
     while (asked := next_experiment(experiments, results, method)) is not None:
-        results = with_result(experiments, results, run_experiment(session, *asked))
+        result = run_experiment(session, *asked)
+        if len(results) < len(experiments):
+            ended(result)
+        results = with_result(experiments, results, result)
     return results
 
 
@@ -446,7 +551,8 @@ def next_experiment(
     """Choose the next load, and its method.
 
     The first load has a search. Each further one is asked whether the answer so far is enough with it, and searched
-    above only where it is not; so the last answer is the greatest. A sweep is run with each.
+    above only where it is not; so the last answer is the greatest. A sweep is run with each. In the end the settings at
+    the answer of a search go on until nothing has a condition that more samples would lift.
 
     Args:
         experiments: The same components on the same host, one a load.
@@ -454,27 +560,47 @@ def next_experiment(
     Returns:
         None: all are measured, or there is no answer that another load could confirm.
     """
-    if len(results) == len(experiments) or (
-        results and isinstance(results[-1].conclusion, NotAchievable | NotResolved | SettingFailed | Stopped)
-    ):
+    if results and isinstance(results[-1].conclusion, NotAchievable | NotResolved | SettingFailed):
+        return None
+    if any(each.stopped for each in results):
         return None
     floor = (results[-1].reserve if results else None) or 0
-    experiment = _after(results, experiments[len(results)])
-    return experiment, replace(method, floor=floor) if isinstance(method, Search) else method
+    if len(results) < len(experiments):
+        experiment = _after(results, experiments[len(results)])
+        return experiment, replace(method, floor=floor) if isinstance(method, Search | FirstPass) else method
+    if not isinstance(method, Search) or is_of_paper(method):
+        return None
+    for number, result in enumerate(results):
+        if result.reserve == floor and result.conditions and not result.is_confirmed:
+            others = (*results[:number], *results[number + 1 :])
+            return _after(others, experiments[number]), replace(method, floor=floor, confirms=True)
+    return None
 
 
 def with_result(
     experiments: Sequence[Experiment], results: tuple[ExperimentResult, ...], result: ExperimentResult
 ) -> tuple[ExperimentResult, ...]:
-    """Add the result of the next load.
+    """Add the result of the next load, or of one that was measured further to confirm the answer.
 
     Returns:
-        None at all if the components used more processors with this load: then all are measured with so many.
+        None at all if the components used more processors with this load: then all are measured with so many. A result
+        that does not confirm the answer is the last one; one that was stopped leaves the answer as it is.
     """
     if results and result.processors != results[-1].processors:
         return ()
-    so_far = results[-1].reserve if results else None
-    return (*results, replace(result, so_far=so_far, of_loads=len(experiments)))
+    if len(results) < len(experiments):
+        so_far = results[-1].reserve if results else None
+        return (*results, replace(result, so_far=so_far, of_loads=len(experiments)))
+    number = next(at for at, each in enumerate(results) if each.interference == result.interference)
+    before = results[number]
+    if result.stopped:
+        return (*results[:number], replace(before, is_interrupted=True), *results[number + 1 :])
+    further = replace(
+        result, so_far=before.so_far, of_loads=before.of_loads, new=max(before.new, result.new), is_confirmed=True
+    )
+    if result.reserve != before.reserve:
+        return (*results[:number], replace(further, is_confirmed=False))
+    return (*results[:number], further, *results[number + 1 :])
 
 
 def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:

@@ -82,9 +82,6 @@ class Settling:
     def is_over(self, elapsed_ms: float) -> bool:
         """Return whether samples count from now on; whether they can give a verdict, `excess_message` says.
 
-        Args:
-            elapsed_ms: since the work began.
-
         Returns:
             False: the samples so far do not count.
         """
@@ -100,7 +97,7 @@ class Settling:
         """
         return "; ".join(
             f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP where {contender.processors:.3g} "
-            "are reserved, and what is left over by others is no promise"
+            "are reserved, and what is left over by others is not a promise"
             for contender, consumed in self._excesses()
             if contender.excess_forbids_verdict
         )
@@ -110,7 +107,7 @@ class Settling:
         found = []
         for contender in self.contenders:
             consumed = sum(self._recent_processors(name) for name in contender.components)
-            # NOTE: a reserve that was saved up before, as much as one memory holds, is no excess.
+            # NOTE: a reserve that was saved up before, as much as one memory holds, is not an excess.
             if consumed > contender.processors * (1.0 + 1.0 / MEMORY_FACTOR) + 1.0 / (10 * MEMORY_FACTOR):
                 found.append((contender, consumed))
         return found
@@ -134,30 +131,31 @@ _LIMIT_GROWTH = 1.1
 """What was not enough at the limit is asked again when the limit is so many times as late."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchEnd:
+    """The conditions under which `watch` ends."""
+
+    # Asked when every component has as many samples as `next_look` says, and the scheduler's memory has passed as often
+    # as it must.
+    is_enough: Callable[[Mapping[str, Series]], bool]
+    should_stop: Callable[[], bool]  # asked after every sample
+    # Of the host's time since the work began: from then on one sample of each component is enough to ask `is_enough`,
+    # and again each time the limit has grown by a tenth.
+    limit_ms: float = inf
+    # Whether the load must have begun `least_starts` times before `is_enough` is asked; asked from the first look on,
+    # until the load has. False: the samples are no point of a curve. None: the load is never begun again.
+    needs_starts: Callable[[], bool] | None = None
+
+
 def watch(
-    running: RunningWork,
-    components: Iterable[Component],
-    settling: Settling,
-    is_enough: Callable[[Mapping[str, Series]], bool],
-    should_stop: Callable[[], bool],
-    *,
-    limit_ms: float = inf,
-    needs_starts: Callable[[], bool] | None = None,
+    running: RunningWork, components: Iterable[Component], settling: Settling, end: WatchEnd
 ) -> Mapping[str, Series] | TooManyFailures | None:
     """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
     Args:
         running: Gives the samples of all that runs.
         components: Those to look at; all else that runs is not.
-        settling: Says when the host has settled; what ended before is no sample.
-        is_enough: Asked when every component has as many samples as `next_look` says, and the scheduler's memory has
-            passed as often as it must.
-        should_stop: Asked after every sample.
-        limit_ms: Of the host's time since the work began: from then on one sample of each component is enough to ask
-            `is_enough`, and again each time the limit has grown by a tenth.
-        needs_starts: Whether the load must have begun `least_starts` times before `is_enough` is asked; asked from the
-            first look on, until the load has. False: the samples are no point of a curve. None: the load is never
-            begun again.
+        settling: Says when the host has settled; what ended before is not a sample.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -166,6 +164,7 @@ def watch(
     Raises:
         HostError: the host could not run the work.
     """
+    limit_ms, needs_starts = end.limit_ms, end.needs_starts
     runs = {component.name: component.run for component in components}
     allowed = {name: run.failures if run is not None else 0 for name, run in runs.items()}
     failures: dict[str, list[str]] = {name: [] for name in allowed}
@@ -179,7 +178,7 @@ def watch(
     )
     looks_at = next_look(0)
     for name, sample in running.samples():
-        if should_stop():
+        if end.should_stop():
             return None
         if name not in allowed:
             continue
@@ -194,15 +193,15 @@ def watch(
             seen.has_enough_starts or is_late or not (needs_starts and needs_starts())
         ):
             looks_at, limit_ms = next_look(least), _LIMIT_GROWTH * limit_ms if is_late else limit_ms
-            if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
+            if seen.counted_ms >= settling.least_ms and end.is_enough(found := seen.series()):
                 return found
             seen.look()
-    return None if should_stop() else seen.series()
+    return None if end.should_stop() else seen.series()
 
 
 @dataclass(slots=True, kw_only=True)
 class _Seen:
-    """What was seen of each component since its host had settled, but for when a load had just begun again."""
+    """The samples of each component since its host had settled, without the time right after a load began again."""
 
     running: RunningWork
     names: Sequence[str]
@@ -311,7 +310,7 @@ class _Seen:
     def series(self) -> Mapping[str, Series]:
         """Return the series of each component so far."""
         if self._since is None and self._began_anew_ms is None:
-            self._unsettled, self._since = "it ended before its host had settled", self._mark()
+            self._unsettled, self._since = "it ended during the settling time", self._mark()
         elapsed = self.counted_ms
         return {
             name: Series(

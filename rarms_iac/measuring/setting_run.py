@@ -3,7 +3,7 @@
 What disturbed it is measured once more.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from math import inf
@@ -14,13 +14,16 @@ from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence, with
 from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
+    free_memory,
+    load_reserves,
     load_share,
-    memory_for_load,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
 )
-from rarms_iac.measuring.sampling import Contender, Settling, wants_all_processors, watch
+from rarms_iac.measuring.sampling import Contender, Settling, WatchEnd, wants_all_processors, watch
+from rarms_iac.measuring.search.crossings import is_known
+from rarms_iac.measuring.search.first_pass import is_near_enough
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.experiment import Experiment, ProcessorSource
@@ -28,14 +31,18 @@ from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFai
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
-from rarms_iac.model.setting import P1, P2, PartitionShape, Setting, SettingEvidence
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, PartitionShape, Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
+from rarms_iac.statistics.first_look import LONGEST_MS
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.storage.datalog.log import as_recorded
 
 SEED_STEP = 101
 """More than there are settings, so that no two of them share a seed."""
+
+FIRST_PASS_SEED = 1_000_000
+"""Added to the seed of a first pass: the jobs that chose a setting are not among those that judge it."""
 
 
 def other_processors(experiment: Experiment, used: int | None) -> int | None:
@@ -67,8 +74,8 @@ class Site:
     others: tuple[PartitionWork, ...] = ()  # that goes on in other partitions, and is not looked at
 
     @property
-    def shapes(self) -> tuple[PartitionShape, PartitionShape]:
-        """The shapes of P1 and P2."""
+    def shapes(self) -> tuple[PartitionShape, ...]:
+        """The shapes of P1 and the parts of P2."""
         return shapes_for(self.experiment, self.resources)
 
     def partitions(self) -> AbstractContextManager[None]:
@@ -81,25 +88,26 @@ class Site:
         return running_test_partitions(self.host, self.experiment.application, self.shapes, classes)
 
 
-def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, PartitionShape]:
+def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionShape, ...]:
     """Shape the test partitions of an experiment.
 
     Returns:
-        P1, then P2.
+        P1, then the parts of P2.
     """
-    memory = memory_for_load(resources, experiment.setup)
-    return shapes_of_test_partitions(experiment.setup, resources.capacity.logical_processors, memory)
+    parts = experiment.load_parts
+    memory = free_memory(resources, experiment.setup.memory, parts)
+    return shapes_of_test_partitions(experiment.setup, resources.capacity.logical_processors, memory, parts)
 
 
-def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, PartitionWork]:
+def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, ...]:
     """Say what runs in P1 and in P2.
 
     Returns:
-        P1's work, then P2's.
+        P1's work, then that of each part of P2.
     """
     return (
         PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
-        PartitionWork(partition=P2, load=experiment.load),
+        *(PartitionWork(partition=name, load=experiment.load) for name in LOAD_PARTITIONS[: experiment.load_parts]),
     )
 
 
@@ -108,11 +116,14 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
     return classes_of(experiment.members, experiment.tasks, P1, first_line("")).classes
 
 
-def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting | SettingFailed | Stopped:
+def run_setting(
+    site: Site, request: Measure, known: KnownSettings, before: Sequence[Setting]
+) -> Setting | SettingFailed | Stopped:
     """Measure a setting; where something disturbed it, measure it again.
 
     Args:
         request: The reservation, one that the host can give, and when its samples are enough.
+        before: Those at other reservations that the strategy knew when it asked for this one.
 
     Returns:
         The setting as the log is to have it, or why there is none.
@@ -123,8 +134,9 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
     experiment, control = site.experiment, site.control
     share = load_share(site.resources, experiment.setup, request.reserve)
     if share is None:
-        raise ValueError(f"{request.reserve} % was asked for, and the host cannot give that")
-    set_reserves(site.host, experiment.application, site.shapes, {P1: request.reserve, P2: share.reserve})
+        raise ValueError(f"the host cannot give {request.reserve} %")
+    reserves = {P1: request.reserve, **load_reserves(share.reserve, experiment.load_parts)}
+    set_reserves(site.host, experiment.application, site.shapes, reserves)
     processors = site.resources.capacity.logical_processors
     steady_share = share if wants_all_processors(experiment.load, processors) else None
     left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed)
@@ -138,8 +150,9 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
             seed=site.seed,
             spent_ms=spent_ms,
             processors=experiment.setup.processors,
+            first_pass=request.first_pass,
         )
-        setting, evidence = _try_setting(site, request, empty, known)
+        setting, evidence = _try_setting(site, request, empty, known, before)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
@@ -151,12 +164,12 @@ def run_setting(site: Site, request: Measure, known: KnownSettings) -> Setting |
 
 
 def _try_setting(
-    site: Site, request: Measure, empty: Setting, known: KnownSettings
+    site: Site, request: Measure, empty: Setting, known: KnownSettings, before: Sequence[Setting]
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """Return a setting from the first sample to the last, and what the host counted meanwhile."""
     experiment, control = site.experiment, site.control
     goal = replace(goal_of(experiment), ends_at_until=request.within_until)
-    until = {name: run.until for name, run in goal.runs.items() if run.until is not None}
+    until = {name: run.until for name, run in goal.runs.items() if run.until is not None and not request.first_pass}
 
     def used() -> int | None:
         """Return the processors used; the paper's strategy does not look at them."""
@@ -177,23 +190,27 @@ def _try_setting(
         setting = so_far(seen, running.elapsed_ms())
         if other_processors(experiment, setting.used_processors) is not None:
             return True
+        if request.first_pass:
+            return is_near_enough(setting, goal)
         joined = known.joined_with(request.reserve, setting)
-        return is_clear(joined, goal, precision=request.precision)
+        if request.until_known and is_known(joined, before, goal):
+            return True
+        return is_clear(joined, goal, precision=request.precision, unconditional=request.unconditional)
 
     contenders = _contenders(experiment, site.resources, request.reserve)
     settling = Settling(scheduler_window_ms=site.host.scheduler_memory_ms, contenders=contenders)
     work = replace(_work(site, request), least_ms=settling.least_ms)
     left_ms = goal.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed) - empty.host_ms
+    if request.first_pass:
+        left_ms = LONGEST_MS
+    end = WatchEnd(
+        is_enough=is_enough,
+        should_stop=control.stop.should_stop,
+        limit_ms=max(0.0, left_ms) if request.until_clear else inf,
+        needs_starts=needs_starts if request.until_clear and not (request.within_until or request.first_pass) else None,
+    )
     with site.host.run(work) as running:
-        series = watch(
-            running,
-            experiment.members,
-            settling,
-            is_enough,
-            control.stop.should_stop,
-            limit_ms=max(0.0, left_ms) if request.until_clear else inf,
-            needs_starts=needs_starts if request.until_clear and not request.within_until else None,
-        )
+        series = watch(running, experiment.members, settling, end)
         evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:
         return Stopped(), None
@@ -215,7 +232,7 @@ def _contenders(
 
 
 def _work(site: Site, request: Measure) -> Work:
-    """Return what runs at this setting.
+    """Return the work of this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """
@@ -226,5 +243,5 @@ def _work(site: Site, request: Measure) -> Work:
         application=experiment.application,
         partitions=(*work_in_test_partitions(experiment), *site.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
-        seed=site.seed * SEED_STEP + request.reserve,
+        seed=(site.seed + (FIRST_PASS_SEED if request.first_pass else 0)) * SEED_STEP + request.reserve,
     )

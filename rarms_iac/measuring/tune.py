@@ -13,14 +13,8 @@ from rarms_iac.app.requests import busy_host_option, flag, lock_timeout_option, 
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
-from rarms_iac.measuring.session import (
-    MeasuringSession,
-    hold_measuring_hosts,
-    record_reservations,
-    short_secrets_of,
-    starting_again,
-    stopped_to_measure,
-)
+from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
+from rarms_iac.measuring.stopping import starting_again, stopped_to_measure
 from rarms_iac.measuring.tuning import (
     Experiments,
     TuningConclusion,
@@ -50,7 +44,7 @@ from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, Tu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneRequest:
-    """How components are to be combined.
+    """The request of `rarms tune`.
 
     Raises:
         RequestError: it repeats, and not the paper's procedure.
@@ -58,24 +52,28 @@ class TuneRequest:
 
     strategy: TuningStrategy = option(
         "--strategy",
-        help="default: the best layout, with a proof; paper: combine the two least critical that can be, to the "
-        "letter. [default: default]",
+        help=(
+            "default: search the best layout, with a proof; paper: combine the two least critical "
+            "components, as in the paper. [default: default]"
+        ),
         default="default",
     )
-    repeat: bool = flag("--repeat", help="With --strategy paper: go on with the compound until the total fits.")
-    dry_run: bool = flag("--dry-run", help="Measure, but leave the manifest as it is.")
+    repeat: bool = flag("--repeat", help="With --strategy paper: continue with the compound until all fits.")
+    dry_run: bool = flag("--dry-run", help="Measure, but do not change the manifest.")
     samples: int | None = samples_option()
     on_busy_host: bool = busy_host_option()
     lock_timeout_ms: int = lock_timeout_option()
 
     def __post_init__(self) -> None:
         if self.repeat and self.strategy != "paper":
-            raise RequestError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
+            raise RequestError(
+                "--repeat needs --strategy paper. The default strategy already tries compounds of any size."
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningResult:
-    """How `rarms tune` ended, and what was written."""
+    """The result of `rarms tune`, with the written files."""
 
     kind: Literal["tune"] = "tune"
     platform: str
@@ -200,7 +198,7 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Se
     places, host = hosts.manifest.places, end.subject.host
     started = [(host, name) for coi in end.subject.cois for name in coi.members]
     findings = (
-        *short_secrets_of(hosts.manifest, started),
+        *start_warnings_of(hosts.manifest, started),
         *tuning_findings(end, request.strategy, places),
         *(_still_too_much(hosts, end) if edits else ()),
     )
@@ -233,7 +231,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
     """Report what a user should know of how tuning ended.
 
     Yields:
-        A finding where there is no answer or nothing fits, one for each contradiction, and one for each compound that
+        A finding if there is no answer or nothing fits, one for each contradiction, and one for each compound that
             reserves more than its parts.
     """
     yield from end.findings
@@ -248,7 +246,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         asked = "tried" if strategy == "paper" else "allowed"
         need = f"{reserved} must be reserved{_fixed_part(end.subject)}, the capacity is {capacity}"
-        message = f"{need}, and no combination that was {asked} fits."
+        message = f"{need}, and no {asked} combination fits."
         ways, advice = _ways_out(end.subject, strategy, places)
         if strategy == "paper" and len(candidates_of(end.subject.cois, end.subject.may_share, most=WHOLE).by_mask) > 1:
             default = _tune_again(end.subject)
@@ -256,7 +254,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
         if limits := _limits_on_combining(end.subject):
             advice = prose(advice, f"\nOr lift {limits} and tune again.")
         if not end.subject.cois:
-            message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
+            message = "The manifest fixes all reserves. They do not fit, and no components can be combined."
             advice = prose(advice, "\nOr have a reserve measured: `cpu: { reserve: measured }`.")
         yield planning_findings.UNABLE.at(
             places.key("hosts", end.subject.host.name),
@@ -313,7 +311,7 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
     for contradiction in end.contradictions:
         yield planning_findings.CONTRADICTION.at(
             None,
-            "{_message}. So nothing is proved: what was found holds, and another layout may be better.",
+            "{_message}. The layout is valid, but another one may be better.",
             prose(
                 "Measure the parts again (",
                 command("measure", *contradiction.members, again=True),
@@ -329,7 +327,7 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
             together = show_lp_percent(compound.cost)
             yield planning_findings.CONTRADICTION.at(
                 None,
-                "{components:each} reserve {_together} together, and {_show_lp_percent} apart.",
+                "{components:each} need {_together} together, but {_show_lp_percent} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
                 address=f"partition/{compound.name}",
                 components=tuple(compound.members),

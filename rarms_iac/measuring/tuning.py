@@ -10,8 +10,9 @@ from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.findings import why_out_of_memory, work_of_settings
+from rarms_iac.measuring.findings import why_out_of_memory
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
+from rarms_iac.measuring.other_work import work_of_settings
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession, no_measurable_host
@@ -124,7 +125,7 @@ class TuningSubject:
         return tuple(each if each.fixes_processors else each.with_processors(number) for each in found)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
-        """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep.
+        """Return the measure of a layout's worth here; `layout_fit` says which ones the hosts can keep.
 
         Args:
             layout_fit: asked for each layout that is considered.
@@ -197,10 +198,9 @@ class LayoutFit:
 
 
 def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> TuningSubject:
-    """Return what there is to tune: partitions with measured reservations, and what they may share.
+    """Return the subject of tuning: partitions with measured reservations, and the capacity that they may share.
 
     Args:
-        hosts: Of one platform.
         states: What hosts look like, by name; with that of the host.
 
     Returns:
@@ -242,7 +242,7 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
 
 
 def problem_around(hosts: Hosts, states: Mapping[str, State]) -> Problem:
-    """Return what a plan has to solve for the chosen hosts and for all that shares them.
+    """Return the problem that a plan solves for the chosen hosts and all partitions that share them.
 
     Args:
         states: What hosts look like, by name.
@@ -264,16 +264,16 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
     if len(platforms) > 1:
         tunes = [piece for platform in platforms for piece in (", ", command("tune", host=names[platform][0]))]
         advice = prose(
-            "Tune one after the other: ",
+            "Tune one platform after the other: ",
             *tunes[1:],
-            ". Hosts that are alike may share a platform: `platform: NAME` on each.",
+            ". If the hosts are alike, give them one platform: `platform: NAME`.",
         )
         raise UseCaseError(
             Outcome.NEGATIVE,
             [
                 planning_findings.PLATFORMS.at(
                     None,
-                    "The hosts are of the platforms {platforms:each}, and measurements hold for one.",
+                    "The hosts have the platforms {platforms:each}, but measurements are valid for one.",
                     advice,
                     platforms=tuple(platforms),
                 )
@@ -361,7 +361,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             names = ", ".join(members)
             raise Unanswered(
-                f"{reserve} % of the VPs of {names} was to be measured; the host gives {highest} % of them"
+                f"{names} should be measured with {reserve} % of their VPs, but the host can give only {highest} %"
             )
         for experiment in self.subject.experiments(members, self.strategy, self.samples):
             if worse := self._worse_with_load(experiment, members, reserve):
@@ -405,7 +405,7 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningConclusion:
-    """How the search ended, and the CoIs that it leaves."""
+    """The end of the search, and the CoIs that it leaves."""
 
     subject: TuningSubject
     ending: TuningEnding
@@ -460,7 +460,7 @@ def search_combinations(
         HostError: Of such an oracle: the host did not do what was asked.
     """
     trail: list[Answer] = []
-    recorded = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, trail))
+    recorded = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, subject, trail))
     start = TuningConclusion(subject=subject, ending="stopped", cois=ordered(subject.cois))
     try:
         end = _by_the_paper(start, recorded, repeat=repeat) if strategy == "paper" else _by_the_graph(start, recorded)
@@ -475,14 +475,16 @@ def search_combinations(
 class _TrailReporter:
     """A reporter that collects the answers, also when an end is asked for, and passes all on to another."""
 
-    def __init__(self, reporter: PlannerReporter, trail: list[Answer]) -> None:
+    def __init__(self, reporter: PlannerReporter, subject: TuningSubject, trail: list[Answer]) -> None:
         self._reporter = reporter
+        self._subject = subject
         self._trail = trail
 
     def setting_answered(self, answer: Answer) -> None:
-        """Collect it, and pass it on."""
-        self._trail.append(answer)
-        self._reporter.setting_answered(answer)
+        """Collect it, and pass it on with the virtual processors that it is per cent of."""
+        parts = [coi for coi in self._subject.cois if set(coi.members) <= set(answer.members)]
+        self._trail.append(replace(answer, processors=processors_of(parts)))
+        self._reporter.setting_answered(self._trail[-1])
 
     def declined(self, members: Members) -> None:
         """Pass the message on."""

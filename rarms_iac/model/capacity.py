@@ -184,8 +184,6 @@ def decide_packing(claims: Iterable[Claim], capacity: Capacity, effort: Effort |
     one does not pack. Where a script gives the promises, places that only a search finds count as not known.
 
     Args:
-        claims: as of `packs`.
-        capacity: as of `packs`.
         effort: steps that several searches share; None: this one has its own.
 
     Returns:
@@ -206,10 +204,6 @@ def packs_by_first_fit(claims: Iterable[Claim], capacity: Capacity) -> bool:
     """Return whether first fit, the largest first, places all, as Hyper-V scripts ask before each promise.
 
     Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.
-
-    Args:
-        claims: as of `packs`.
-        capacity: as of `packs`.
 
     Returns:
         False also where an exact search would find places.

@@ -21,7 +21,7 @@ SLASH = "\\"
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Address(OutputText):
-    """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`.
+    """The resource of a change: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`.
 
     SystemResponsiveness of the host itself is at `mmcss/responsiveness`.
     A step may also be about a partition's disk: `partition/vision/disk/vision-0123456789ab.vhdx`.
@@ -58,7 +58,7 @@ RESPONSIVENESS = Address(responsiveness=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """Why a change is wanted, told to people; no code decides by it."""
+    """The reason for a change, for people; no code decides by it."""
 
     message: str
     place: Place | None = None  # the manifest line that asks for it
@@ -83,7 +83,7 @@ class Attribute:
 
 
 class _AnyChange:
-    """What every change can be asked."""
+    """Base of the changes: their action, reservation and attributes."""
 
     __slots__ = ()
 
@@ -95,7 +95,7 @@ class _AnyChange:
 
     @output
     def reserved_lp(self) -> Fraction | None:
-        """The LPs that a partition is guaranteed once the change is done; None: there is no partition then."""
+        """The LPs that a partition is guaranteed once the change is done; None: no partition then."""
         after = cast("Change", self).after
         return guaranteed(after.settings.reserve, after.settings.processors) if isinstance(after, Partition) else None
 

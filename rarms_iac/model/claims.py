@@ -51,7 +51,7 @@ class DeadlineClaim(Claim):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreSharing:
-    """How a machine's virtual processors take cores that never run two machines at once (windows.md 2).
+    """A machine's way of taking cores that never run two machines at once (windows.md 2).
 
     Both are 1 where each logical processor may run another machine: without SMT, or under another scheduler.
     """
@@ -63,7 +63,6 @@ class CoreSharing:
         """Make the claim of a machine.
 
         Args:
-            processors: virtual ones.
             reserve: whole per cent of each.
             memory: bytes.
 
@@ -99,9 +98,6 @@ class Load:
 
 def load_of(claims: Iterable[Claim]) -> Load:
     """Add up claims; memory in bytes, processors in per cent of one logical processor.
-
-    Args:
-        claims: in any order.
 
     Returns:
         The sums.

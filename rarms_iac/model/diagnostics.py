@@ -80,7 +80,7 @@ class Finding:
 
     @classmethod
     def note(cls, code: str, summary: str) -> Self:
-        """Return what a user may want to know."""
+        """Return a kind of fact that a user may want to know."""
         return cls(code=code, severity=Severity.NOTE, summary=summary)
 
     def at(
@@ -229,7 +229,7 @@ def remainder(shown: Diagnostic, number: int) -> Diagnostic:
     return replace(
         shown,
         detail=f"{number:,} more of this kind follow.",
-        advice=prose("Correct those that are shown."),
+        advice=prose("Correct the ones above."),
         values={"more": number},
         place=None,
         address="",
@@ -265,7 +265,7 @@ class Findings:
 
 
 class Places(Protocol):
-    """Where in the manifest files a value or its key stands; asked only when something is to be told."""
+    """The places of values and keys in the manifest files; asked only for a finding."""
 
     def value(self, *path: str | int) -> Place:
         """Return the place of the value at this path; of the nearest parent that exists where it does not.
@@ -280,19 +280,12 @@ class Places(Protocol):
     def key(self, *path: str | int) -> Place:
         """Return the place of the key at this path, likewise.
 
-        Args:
-            path: as of `value`.
-
         Returns:
             File, line and column, counted from 1.
         """
 
     def text(self, *path: str | int) -> str:
-        """Return the text of the scalar at this path as it is written; empty if it stands in quotes or is not there.
-
-        Args:
-            path: as of `value`.
-        """
+        """Return the text of the scalar at this path as it is written; empty if it stands in quotes or is not there."""
 
 
 Sources = Mapping[str, str | Sequence[str]]
@@ -301,24 +294,24 @@ Sources = Mapping[str, str | Sequence[str]]
 CLASS_ORDER = Finding.warning("RARMS128", "Priorities do not follow the criticalities")
 DAMAGED = Finding.error("RARMS190", "The journal or a record on the host is damaged")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under other conditions")
-FOREIGN_AT_NAME = Finding.error("RARMS150", "Something that rarms did not make is in the way")
-GENERATION = Finding.error("RARMS256", "This does not go with the machine's generation")
+FOREIGN_AT_NAME = Finding.error("RARMS150", "The name is used by something that rarms did not create")
+GENERATION = Finding.error("RARMS256", "The machine's generation does not support this")
 MAY_NOT_CHANGE = Finding.error("RARMS152", "A partition or machine may not be changed")
-MISSING = Finding.error("RARMS016", "Something that is needed here is missing")
+MISSING = Finding.error("RARMS016", "A required file or program is missing")
 NEIGHBOURS = Finding.note("RARMS129", "Other threads may run before a robotic one")
 NOTHING_CHANGED = Finding.note("RARMS174", "Nothing was changed")
-NOT_DONE = Finding.error("RARMS179", "The command cannot be done as it is given")
+NOT_DONE = Finding.error("RARMS179", "The command cannot run with these arguments")
 NOT_READ = Finding.error("RARMS001", "A file cannot be read")
-NOT_YAML = Finding.error("RARMS007", "Not a YAML text that rarms reads")
+NOT_YAML = Finding.error("RARMS007", "The YAML text cannot be read")
 NO_EFFECT = Finding.warning("RARMS084", "A setting has no effect")
-NO_ORDER = Finding.error("RARMS154", "No order of steps keeps within the host")
+NO_ORDER = Finding.error("RARMS154", "No order of steps stays within the host's capacity")
 NO_RESPONSIVENESS = Finding.error("RARMS227", "SystemResponsiveness cannot be set")
-NO_TARGET = Finding.error("RARMS194", "Nothing can be done with this target")
-OTHER_VERSION = Finding.error("RARMS410", "Another version of rarms is needed")
-OVER_HOST = Finding.error("RARMS061", "More than a host has")
-ROUNDED = Finding.warning("RARMS367", "A reserve that is not a whole per cent")
+NO_TARGET = Finding.error("RARMS194", "The command cannot run on this target")
+OTHER_VERSION = Finding.error("RARMS410", "The needed version of rarms is missing")
+OVER_HOST = Finding.error("RARMS061", "A reservation is larger than the host")
+ROUNDED = Finding.warning("RARMS367", "A reserve is rounded up")
 SCRIPT_REFUSED = Finding.error("RARMS251", "A script cannot be written or run")
-UNKNOWN_KEY = Finding.error("RARMS015", "A key that is not allowed here")
+UNKNOWN_KEY = Finding.error("RARMS015", "A key is not allowed here")
 UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
-UNUSABLE_RESERVE = Finding.error("RARMS060", "A reserve or processors that could never be used")
-WRONG_VALUE = Finding.error("RARMS017", "A value that is not allowed here")
+UNUSABLE_RESERVE = Finding.error("RARMS060", "A reserve or processors can never be used")
+WRONG_VALUE = Finding.error("RARMS017", "A value is not allowed here")

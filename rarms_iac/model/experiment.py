@@ -7,9 +7,9 @@ from fractions import Fraction
 
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.host import Host
-from rarms_iac.model.loads import Interference
+from rarms_iac.model.loads import Interference, load_parts
 from rarms_iac.model.output import OutputText
-from rarms_iac.model.quantities import LogicalProcessors, ReservePercent, in_processors, per_virtual_processor
+from rarms_iac.model.quantities import LogicalProcessors, Percent, ReservePercent, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import (
@@ -25,7 +25,7 @@ from rarms_iac.model.system import (
 
 
 class ProcessorSource(Enum):
-    """Where the number of a partition's virtual processors comes from."""
+    """The source of the number of a partition's virtual processors."""
 
     MANIFEST = "manifest"  # `processors` of the partition, or of each of its components
     USED = "used"  # the most that its components were seen to use at once
@@ -119,7 +119,7 @@ class Budget:
     spent_ms: Mapping[ReservePercent, float] = field(default_factory=dict)  # under these, by CR
 
     def at(self, reserve: ReservePercent) -> float:
-        """Return what the loads before leave of it at a reservation, in ms."""
+        """Return the part of it that the loads before leave at a reservation, in ms."""
         return max(self.least_ms, self.most_ms - self.spent_ms.get(reserve, 0.0))
 
 
@@ -135,7 +135,10 @@ class Experiment(OutputText):
     loads: tuple[Interference, ...]  # that share the budget of a setting, its own among them
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
     budget: Budget
+    slow_job: int  # as of the policy
+    precision: Percent  # likewise
     processors_from: ProcessorSource = ProcessorSource.MANIFEST  # those of the setup
+    load_parts: int = 1  # partitions that P2 is, which divide what it reserves
 
     def __str__(self) -> str:
         return self.name
@@ -149,6 +152,11 @@ class Experiment(OutputText):
     def runs(self) -> dict[str, Run]:
         """How each member runs."""
         return {member.name: run_of(member) for member in self.members}
+
+    @property
+    def usual_load_parts(self) -> int:
+        """How many partitions its load has where there is memory for them."""
+        return load_parts(self.load, self.host.logical_processors)
 
     @property
     def fixes_processors(self) -> bool:
@@ -239,6 +247,8 @@ def experiment_of(
         setup=setup,
         tasks=system.tasks,
         budget=Budget(most_ms=float(system.policy.measuring.setting)),
+        slow_job=system.policy.measuring.slow_job,
+        precision=system.policy.measuring.precision,
         processors_from=found.source,
     )
 
@@ -250,7 +260,7 @@ def _with_samples(component: Component, samples: int | None) -> Component:
 
 
 def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionRequest:
-    """Return what the manifest says of the partition of just these components."""
+    """Return the manifest's settings for the partition of just these components."""
     for request in system.partitions.values():
         if tuple(sorted(request.components)) == names:
             return request

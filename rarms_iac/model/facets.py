@@ -1,7 +1,8 @@
-"""The settings of a partition as a table: which of them one call sets, with which cmdlet, and their texts.
+"""The settings of a partition as a table: which of them one call sets, with which cmdlet, and their labels.
 
-All code that reads, compares, sets, undoes or shows a setting uses `FACETS`, `LABELS` and `setting_text`. A new setting
-is a field of `PartitionSettings`, a label and a place in a row. The operation is `Set` (`model/operations.py`).
+All code that reads, compares, sets, undoes or shows a setting uses `FACETS` and `LABELS`; `texts/plans.py` writes its
+values. A new setting is a field of `PartitionSettings`, a label and a place in a row. The operation is `Set`
+(`model/operations.py`).
 
 The boot order is in the row of the firmware as a parameter only, not as a setting: a creation names the first device,
 and no plan compares or changes it later, because a guest puts an entry of its own first once it runs.
@@ -10,11 +11,9 @@ and no plan compares or changes it later, because a guest puts an entry of its o
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum, StrEnum
-from fractions import Fraction
 from typing import Any
 
-from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_period, show_processors, write_bytes
-from rarms_iac.model.state import NO_GENERATION, PartitionSettings, StartAction
+from rarms_iac.model.state import NO_GENERATION, PartitionSettings
 
 Reading = bool | int | str
 Readings = Mapping[str, Reading]
@@ -33,16 +32,15 @@ class Facet(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FacetRow:
-    """How the settings of a facet are set."""
+    """The settings of a facet, and the call that sets them."""
 
     settings: tuple[str, ...]  # fields of `PartitionSettings`
     cmdlet: str  # of Hyper-V
-    # Of the cmdlet, in their order: by setting, or by a reading that is no setting and that a creation alone sets.
+    # Of the cmdlet, in their order: by setting, or by a reading that is not a setting and that a creation alone sets.
     parameters: Mapping[str, str]
     while_off: frozenset[str] = frozenset()  # those that Hyper-V changes only while the machine is off
     maybe_off: frozenset[str] = frozenset()  # those for which that depends on host and guest: `diff.disruption`
     capacity: str = ""  # the one that takes capacity of the host; empty: none
-    comment: str = ""  # why its step has its place; empty: because of the capacity that it takes or gives back
     only_changed: bool = False  # a call names only the settings that differ
     in_group: bool = False  # a running control group is given them, too
     in_creation: bool = False  # `CreatePartition` sets them; a new machine needs no step for them
@@ -55,7 +53,6 @@ FACETS: Mapping[Facet, FacetRow] = {
         parameters={"processors": "Count"},
         while_off=frozenset({"processors"}),
         capacity="processors",
-        comment="only while it is off",
         in_group=True,
     ),
     Facet.CPU: FacetRow(
@@ -83,7 +80,6 @@ FACETS: Mapping[Facet, FacetRow] = {
             "checkpoints": "CheckpointType",
         },
         while_off=frozenset({"stop_action"}),
-        comment="what its host does with it",
         only_changed=True,
     ),
     Facet.FIRMWARE: FacetRow(
@@ -91,7 +87,6 @@ FACETS: Mapping[Facet, FacetRow] = {
         cmdlet="Set-VMFirmware",
         parameters={"secure_boot": "SecureBootTemplate", "boots_from": "FirstBootDevice"},
         while_off=frozenset({"secure_boot"}),
-        comment="only while it is off",
         in_creation=True,
     ),
 }
@@ -123,11 +118,6 @@ _OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memo
 
 NO_LIMIT = 100
 
-_AUTOMATIC_START = {
-    StartAction.NOTHING: "no",
-    StartAction.START_IF_RUNNING: "if it ran",
-    StartAction.START: "yes",
-}
 _TYPES: Mapping[str, Any] = {field.name: field.type for field in fields(PartitionSettings)}
 
 
@@ -171,75 +161,3 @@ def refuse_values(facet: Facet, values: Readings) -> None:
             kind(value)
         elif type(value) is not kind:
             raise ValueError(f"{name} is {value!r}, not of type {kind.__name__}")
-
-
-def setting_text(field: str, settings: PartitionSettings) -> str:
-    """Write a field of the settings: `0.6 LP`, `512 MiB`, `yes`.
-
-    Args:
-        field: one of `LABELS`.
-        settings: reserve and limit are of all virtual processors together.
-    """
-    value = getattr(settings, field)
-    match field:
-        case "limit" if value == NO_LIMIT:
-            return "none"
-        case "reserve" | "limit":
-            return show_processors(guaranteed(value, settings.processors))
-        case "memory":
-            return write_bytes(value) if value else "no limit"
-        case "quota_period_us":
-            return show_period(value)
-        case "start_action":
-            return _AUTOMATIC_START[value]
-        case _ if isinstance(value, bool):
-            return "yes" if value else "no"
-        case _ if isinstance(value, Enum):
-            return str(value.value).replace("_", " ")
-        case _:
-            return str(value)
-
-
-def change_text(names: Iterable[str], old: PartitionSettings | None, to: PartitionSettings) -> str:
-    """Say from what to what these settings change, the reserve in both units.
-
-    Args:
-        old: before the change, of all steps that belong together; None: the machine is new.
-        to: after it.
-
-    Returns:
-        Only what differs.
-    """
-    if old is None:
-        return ", ".join(_new_text(name, to) for name in names)
-    return ", ".join(_change_text(name, old, to) for name in names if getattr(old, name) != getattr(to, name))
-
-
-def _new_text(name: str, to: PartitionSettings) -> str:
-    if name == "reserve":
-        return f"reserve {_lp(to)} ({to.reserve} % of {_each(to)})"
-    return f"limit {to.limit} % of {_each(to)}" if name == "limit" else f"{LABELS[name]} {setting_text(name, to)}"
-
-
-def _change_text(name: str, old: PartitionSettings, to: PartitionSettings) -> str:
-    if name == "reserve":
-        return _reserve_change(old, to)
-    if name == "limit":
-        return f"limit {old.limit} -> {to.limit} % of {_each(to)}"
-    return f"{LABELS[name]} {setting_text(name, old)} -> {setting_text(name, to)}"
-
-
-def _reserve_change(old: PartitionSettings, to: PartitionSettings) -> str:
-    """Write a reserve's change in logical processors, and in per cent of the machine's own."""
-    percents = f"{old.reserve} -> {to.reserve} % of {_each(to)}"
-    if old.processors != to.processors:
-        percents = f"{old.reserve} % of {_each(old)} -> {to.reserve} % of {_each(to)}"
-    return f"reserve {plain(Fraction(old.reserve * old.processors, 100))} -> {_lp(to)} ({percents})"
-
-
-def _lp(settings: PartitionSettings) -> str:
-    return show_lp_percent(settings.reserve * settings.processors)
-
-
-def _each(settings: PartitionSettings) -> str:
-    return "its processor" if settings.processors == 1 else f"each of {settings.processors} processors"

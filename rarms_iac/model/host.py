@@ -28,7 +28,7 @@ SCHEDULER_WINDOW_MS = 100
 
 
 class ProviderKind(StrEnum):
-    """What enforces a reservation on a host."""
+    """The kind of system that enforces a reservation on a host."""
 
     SIMULATED = "simulated"
     HYPERV = "hyperv"
@@ -37,7 +37,7 @@ class ProviderKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepForHost:
-    """What partitions never get."""
+    """Capacity of a host that partitions never get."""
 
     processor: Annotated[
         CpuAmount,
@@ -48,7 +48,7 @@ class KeepForHost:
 
 
 class Receiver(StrEnum):
-    """What takes the scripts that rarms sends to a Windows host."""
+    """The program that takes the scripts that rarms sends to a Windows host."""
 
     SENT = "sent"  # a text of rarms, sent ahead of them: nothing has to be there
     INSTALLED = "installed"  # the module Rarms there, of this very version
@@ -57,64 +57,64 @@ class Receiver(StrEnum):
 Shell = Literal["pwsh", "powershell"]
 _SHELL = Key("The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).")
 _RECEIVER = Key(
-    "What takes scripts at the other end: `sent` (a text that rarms sends ahead of them) or `installed` (the module "
-    "Rarms of this version there, for hosts that run signed scripts only)."
+    "The receiver of scripts on the host: `sent` (rarms sends it before the scripts) or `installed` "
+    "(the module Rarms of this version, for hosts that run only signed scripts)."
 )
 Port = Annotated[int, Within(1, 65535)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connect:
-    """How a remote system is reached: by the system's own ssh."""
+    """Connection to a remote system by ssh."""
 
-    ssh: Annotated[str, Form.SSH, Key("Where ssh connects to: `user@host`, or a name of your ssh configuration.")]
+    ssh: Annotated[str, Form.SSH, Key("The ssh address: `user@host`, or a name in your ssh configuration.")]
     shell: Annotated[Shell, _SHELL] = "pwsh"
     receiver: Annotated[Receiver, _RECEIVER] = Receiver.SENT
-    port: Annotated[Port | None, Key("The port that sshd listens at; absent: as your ssh configuration says.")] = None
+    port: Annotated[Port | None, Key("The ssh port; absent: from your ssh configuration.")] = None
     key: Annotated[
         str | None,
         Form.SSH_FILE,
-        Key("The file of the private key; absent: as your ssh configuration says."),
+        Key("The file with the private key; absent: from your ssh configuration."),
     ] = None
-    jump: Annotated[str | None, Form.SSH, Key("The host that is jumped through, `user@host`; absent: none.")] = None
+    jump: Annotated[str | None, Form.SSH, Key("The jump host, `user@host`; absent: none.")] = None
     control_path: Annotated[
         str | None,
         Form.SSH_FILE,
         Key(
-            "The socket over which connections are shared (ssh's `ControlPath`): one login for all. Absent: as your "
-            "ssh configuration says."
+            "The socket for shared connections (`ControlPath` of ssh), so that one login is enough. Absent: "
+            "from your ssh configuration."
         ),
     ] = None
     folder: Annotated[
         str | None,
         Form.ABSOLUTE_FOLDER,
         Key(
-            "Where a Linux host has the manifest's folder with the components' files: `/opt/robot`. Measuring, proving "
-            "and `rarms run` need it."
+            "The folder on a Linux host with the manifest's files and the components' files: `/opt/robot`. "
+            "Measuring, proving and `rarms run` need it."
         ),
     ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WinRmConnect:
-    """How a remote Windows is reached: by WinRM over HTTPS, whose certificate is checked."""
+    """Connection to a remote Windows by WinRM over HTTPS; its certificate is checked."""
 
-    winrm: Annotated[str, Form.HOST, Key("The name or address of the host, as its certificate has it.")]
+    winrm: Annotated[str, Form.HOST, Key("The name or address of the host, as in its certificate.")]
     shell: Annotated[Shell, _SHELL] = "pwsh"
     receiver: Annotated[Receiver, _RECEIVER] = Receiver.SENT
     port: Annotated[Port | None, Key("The port of its HTTPS listener; absent: 5986.")] = None
     user: Annotated[
         Filled[str] | None,
-        Key("The account, such as `CELL\\rarms`; absent, with `password`: that of the Kerberos ticket."),
+        Key("The account, such as `CELL\\rarms`; if it and `password` are absent: the account of the Kerberos ticket."),
     ] = None
     password: Annotated[
         FromEnvironment | None,
-        Key("The variable of rarms' own environment that holds the password; absent: the Kerberos ticket."),
+        Key("The environment variable of rarms with the password; absent: the Kerberos ticket."),
     ] = None
 
 
 class SchedulerType(StrEnum):
-    """How the hypervisor schedules virtual processors (windows.md 2); under `root` reserves have no effect."""
+    """The hypervisor's scheduler of virtual processors (windows.md 2); under `root` reserves have no effect."""
 
     CLASSIC = "classic"
     CORE = "core"
@@ -124,7 +124,7 @@ class SchedulerType(StrEnum):
 
 
 class FaultEffect(StrEnum):
-    """What a simulated host does wrong when asked to."""
+    """The fault of a simulated host, where the manifest asks for one."""
 
     REFUSE = "refuse"
     FAIL_AFTER = "fail_after"
@@ -136,15 +136,15 @@ class Fault:
     """A fault of a simulated host, to try what happens then."""
 
     operation: Annotated[
-        str, Form.OPERATION, Key("The kind of operation that goes wrong: `start_partition`, `set_cpu`, ...")
+        str, Form.OPERATION, Key("The kind of operation that fails: `start_partition`, `set_cpu`, ...")
     ]
-    at: Annotated[Filled[str], Key("The address where it happens, or `*` for any.")] = "*"
+    at: Annotated[Filled[str], Key("The address of the fault, or `*` for any.")] = "*"
     effect: Annotated[
         FaultEffect,
         Key("`refuse`: refuses the operation; `fail_after`: does it, then fails; `late`: answers after `delay`."),
     ]
-    delay: Annotated[Time, Key("How late the answer comes: `2 s`.")] = Milliseconds(Fraction(0))
-    times: Annotated[int | None, Within(1, 1_000_000), Key("How often it happens; absent: always.")] = None
+    delay: Annotated[Time, Key("The delay of the answer: `2 s`.")] = Milliseconds(Fraction(0))
+    times: Annotated[int | None, Within(1, 1_000_000), Key("The number of faults; absent: no limit.")] = None
 
 
 SERVER_2019 = 17763
@@ -169,10 +169,13 @@ class SimulatedHost:
     ] = None
     smt: Annotated[
         bool,
-        Key("Whether two logical processors share a core. It changes what partitions take, and not what is measured."),
+        Key(
+            "Whether two logical processors share a core. It changes the processors that partitions take, "
+            "but not measurements."
+        ),
     ] = False
-    administrator: Annotated[bool, Key("Whether rarms has the rights it needs there.")] = True
-    faults: Annotated[Mapping[Name, Fault], Key("Faults that happen there, by name.")] = field(default_factory=dict)
+    administrator: Annotated[bool, Key("Whether rarms has the necessary rights on the host.")] = True
+    faults: Annotated[Mapping[Name, Fault], Key("Faults of the simulated host, by name.")] = field(default_factory=dict)
 
     @property
     def scheduler_type(self) -> SchedulerType:
@@ -188,39 +191,32 @@ SecureBoot = Literal["off", "MicrosoftWindows", "MicrosoftUEFICertificateAuthori
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HypervHost:
-    """What the partitions of a Hyper-V host use unless they say otherwise."""
+    """Defaults for the partitions of a Hyper-V host."""
 
     generation: Annotated[
-        int, Within(1, 2), Key("The generation of new machines, 1 or 2; it never changes afterwards.")
+        int, Within(1, 2), Key("The generation of new machines, 1 or 2; it cannot be changed afterwards.")
     ] = 2
-    switch: Annotated[Filled[str] | None, Key("The virtual switch that partitions are connected to; absent: none.")] = (
-        None
-    )
-    image: Annotated[
-        Filled[str] | None, Key("The disk image that partitions' disks are children of; absent: no disk.")
-    ] = None
+    switch: Annotated[Filled[str] | None, Key("The virtual switch of the partitions; absent: none.")] = None
+    image: Annotated[Filled[str] | None, Key("The parent image of the partitions' disks; absent: no disk.")] = None
     vm_path: Annotated[
         Filled[str] | None, Key("The folder on the host for virtual machines; absent: the default of the host.")
     ] = None
     secure_boot: Annotated[
         SecureBoot | None,
         Key(
-            "Secure boot of generation 2: `off`, or the template that the guest boots with, `MicrosoftWindows` or, for "
-            "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets "
-            "`MicrosoftWindows`, the default of Hyper-V, and one that exists keeps what it has."
+            "Secure boot of generation 2: `off`, or the template `MicrosoftWindows` or, for Linux, "
+            "`MicrosoftUEFICertificateAuthority`. Absent: a new machine gets `MicrosoftWindows`, the "
+            "default of Hyper-V; an existing machine is not changed."
         ),
     ] = None
     credential: Annotated[
         Filled[str] | None,
-        Key(
-            "The name under which the host keeps what guests are entered with, to measure in them; never the secret "
-            "itself."
-        ),
+        Key("The name of the stored credential for guests, needed to measure in them; never the secret itself."),
     ] = None
 
 
 class Mechanism(StrEnum):
-    """How a Linux host keeps a reservation."""
+    """The mechanism by which a Linux host keeps a reservation."""
 
     AUTOMATIC = "automatic"  # rarms chooses, and says why
     SHARE = "share"  # of the processors, counted against the shares of the others as soon as they are short
@@ -229,20 +225,23 @@ class Mechanism(StrEnum):
 
 
 MECHANISM = Key(
-    "How a reservation is kept: `share` (weight against the others as soon as processors are short), `quota` (also a "
-    "limit, counted again ten times within the shortest threshold), `deadline` (SCHED_DEADLINE for a component's first "
-    "thread, a share for its others), or `automatic` (`share`)."
+    "The mechanism of a reservation: `share` (a weight when processors are short), `quota` (also a "
+    "limit, with a period of a tenth of the shortest threshold), `deadline` (SCHED_DEADLINE for the "
+    "first thread of a component, a share for the others), or `automatic` (`share`)."
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinuxHost:
-    """Where control groups are made."""
+    """Settings of the control groups of a Linux host."""
 
     slice: Annotated[str, Form.SLICE, Key("The control group that holds all partitions.")] = "rarms"
     control_groups: Annotated[
         Literal["automatic", "v1", "v2"],
-        Key("The version of control groups: `automatic` takes v2 where it is there or systemd is process 1, else v1."),
+        Key(
+            "The version of control groups: `automatic` uses v2 if it is available or systemd is process 1, "
+            "otherwise v1."
+        ),
     ] = "automatic"
     mechanism: Annotated[Mechanism, MECHANISM] = Mechanism.AUTOMATIC
 
@@ -256,27 +255,27 @@ class Host:
 
     name: OwnName
     provider: Annotated[
-        ProviderKind, Key("What enforces reservations there: `simulated` (needs nothing), `hyperv` or `linux`.")
+        ProviderKind, Key("The platform that enforces reservations: `simulated`, `hyperv` or `linux`.")
     ] = ProviderKind.SIMULATED
     platform: Annotated[Name, Key("Hosts of one platform share measurements; absent: the host's own name.")] = ""
-    connect: Annotated[Connect | WinRmConnect | None, Key("How the host is reached; absent: it is this machine.")] = (
-        None
+    connect: Annotated[Connect | WinRmConnect | None, Key("The connection to the host; absent: this machine.")] = None
+    logical_processors: Annotated[Processors, Key("The number of logical processors (LPs) of the host.")]
+    memory: Annotated[PositiveMemory, Key("The memory of the host: `4 GiB`.")]
+    keep_for_host: Annotated[KeepForHost, Key("Processor time and memory that partitions never get; absent: none.")] = (
+        KeepForHost()
     )
-    logical_processors: Annotated[Processors, Key("How many logical processors (LPs) the host has.")]
-    memory: Annotated[PositiveMemory, Key("How much memory the host has: `4 GiB`.")]
-    keep_for_host: Annotated[KeepForHost, Key("What partitions never get; absent: nothing.")] = KeepForHost()
     system_responsiveness: Annotated[
         int | None,
         Within(0, 0xFFFFFFFF),
         Key(
-            "The per cent of a processor that MMCSS leaves to all other threads in the host's own Windows: 10, 20, ... "
-            "90. It takes effect when the host starts again. Absent: rarms does not change it."
+            "The per cent of a processor that MMCSS leaves to other threads in the host's own Windows: 10, "
+            "20, ... 90. It takes effect when the host restarts. Absent: not changed."
         ),
     ] = None
     simulated: Annotated[SimulatedHost, Key("Settings of a host with `provider: simulated`.")] = SimulatedHost()
     hyperv: Annotated[HypervHost, Key("Settings of a host with `provider: hyperv`.")] = HypervHost()
     linux: Annotated[LinuxHost, Key("Settings of a host with `provider: linux`.")] = LinuxHost()
-    new: Annotated[bool, Key("In an overlay: the manifest has no host of this name.")] = False
+    new: Annotated[bool, Key("In an overlay: the host is new, not in the manifest.")] = False
 
     @property
     def settings(self) -> HostSettings:
@@ -296,7 +295,7 @@ class Host:
 
 
 def host_identity(machine_id: str) -> str:
-    """Return what tells a machine from every other, for marks, plans, journals and proofs: `HostFacts.id`.
+    """Return the identity of a machine for marks, plans, journals and proofs: `HostFacts.id`.
 
     NOTE: the machine's own id stays on it: who has it can work out what other programs made of it. On a Windows that is
     not this machine, `observe.ps1` and the scripts work out the same.

@@ -7,10 +7,9 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
-from math import isfinite
 
 from rarms_iac.model.output import OutputText
-from rarms_iac.model.quantities import UNITS, Unit, parse_quantity, plain, show_number
+from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 
 PERCENTILE_PATTERN = r"^p([1-9][0-9]?)(\.[0-9]?[1-9])?_response_time$"
@@ -22,7 +21,7 @@ _PERCENTILE = re.compile(PERCENTILE_PATTERN.removesuffix("$") + r"\Z")
 
 
 class SampleValue(StrEnum):
-    """What an index needs of each sample, by the key of `run.samples` that says where it stands."""
+    """The part of a sample that an index needs, by the key of `run.samples` that says where it stands."""
 
     RESPONSE_TIME = "response_time"
     SUCCESS = "success"
@@ -124,12 +123,12 @@ def index_named(name: str) -> PerformanceIndex:
 
 
 def percentile_of(name: str) -> Fraction | None:
-    """Return the per cent in the name, None if it is no percentile's name."""
+    """Return the per cent in the name, None if it is not a percentile's name."""
     return Fraction(name[1 : name.index("_")]) if _PERCENTILE.match(name) else None
 
 
 def percentile_index(name: str) -> PerformanceIndex | None:
-    """Return the percentile of this name, None if it is no percentile's name."""
+    """Return the percentile of this name, None if it is not a percentile's name."""
     if _PERCENTILE.match(name) is None:
         return None
     return PerformanceIndex(
@@ -144,44 +143,8 @@ def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
     """Read `100 ms` as a maximum or a minimum, as the index has it.
 
     Raises:
-        NotAQuantity: it is no number with a unit of the index.
+        NotAQuantity: it is not a number with a unit of the index.
     """
     _, value = parse_quantity(text, index.unit)
     kind, unit = AtMost if index.smaller_is_better else AtLeast, text.lstrip("0123456789. ")
     return kind(value=value, unit="" if unit == index.symbol else unit)
-
-
-def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Threshold | None = None) -> str:
-    """Return a value of the index with its unit.
-
-    Args:
-        value: in the index's own unit. A fraction is exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`,
-            `0.0123 /s`), and may be infinite (`no bound`).
-        threshold: it is shown in the unit that the user wrote there, and if it misses it, never reads as it.
-    """
-    units = UNITS[index.unit]
-    unit = threshold.unit if threshold and threshold.unit in units else index.symbol  # a log may name any unit
-    size = units[unit]
-    if not isinstance(value, float):
-        return f"{plain(value / size)} {unit}"
-    if not isfinite(value):
-        return show_number(value)
-    return f"{show_number(value / float(size), *([float(threshold.value / size)] if threshold else []))} {unit}"
-
-
-def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
-    """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`."""
-    match isfinite(lower), isfinite(upper):
-        case True, False:
-            return f"at least {show_value(index, lower)}, no upper bound yet"
-        case False, True:
-            return f"at most {show_value(index, upper)}, no lower bound yet"
-        case False, False:
-            return "no bounds yet"
-        case _:
-            return f"{show_number(lower)} to {show_value(index, upper)}"
-
-
-def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
-    """Write a threshold as `at most 100 ms`."""
-    return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value, threshold)}"

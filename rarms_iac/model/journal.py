@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
+from rarms_iac.model.changes import Address
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan, Purpose, Step
 from rarms_iac.model.version import __version__
@@ -18,7 +19,7 @@ class RunKind(StrEnum):
 
 
 class Closing(StrEnum):
-    """How a run ended."""
+    """The ending of a run."""
 
     DONE = "done"
     ABANDONED = "abandoned"
@@ -26,7 +27,7 @@ class Closing(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOrigin:
-    """Who starts a run, and when."""
+    """The user who starts a run, and the time."""
 
     by: str  # user@computer, process
     at: str  # UTC, `2026-01-31 12:00:00 UTC`: no ISO form, which PowerShell 7 would read back as a date
@@ -79,7 +80,7 @@ class RunStarted:
 
 
 class StepStatus(StrEnum):
-    """What became of a step; `unchanged`: it was as wanted already."""
+    """The progress of a step; `unchanged`: it was as wanted already."""
 
     BEGUN = "begun"
     CHANGED = "changed"
@@ -108,7 +109,7 @@ JournalRecord = RunStarted | StepRecorded | RunClosed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
-    """How far a run got."""
+    """The progress of a run."""
 
     steps: tuple[StepRecorded, ...] = ()
     closed: RunClosed | None = None
@@ -128,6 +129,26 @@ class Journal(_Run):
     """The last run on a host that rarms walks itself, as far as it got."""
 
     started: RunStarted
+
+
+def open_starts(journal: Journal) -> tuple[tuple[int, Step], ...]:
+    """Return the steps that give back what partitions have for their starts, where that was given and not given back.
+
+    Returns:
+        Their numbers in the run, and the steps; none where the run has ended.
+    """
+    if not journal.unfinished or journal.started.run is RunKind.UNDO:
+        return ()
+    touched = journal.touched()
+    done = {record.number for record in journal.steps if record.status is not StepStatus.BEGUN}
+    found: list[tuple[int, Step]] = []
+    given: set[Address] = set()
+    for number, step in enumerate(journal.started.steps):
+        if step.wait_ms == 0 and number in touched:
+            given.add(step.address)
+        elif step.wait_ms and step.address in given and number not in done:
+            found.append((number, step))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,10 +38,10 @@ class Quantity:
 
 
 class Shape(Enum):
-    """How a value differs from what its type says."""
+    """A restriction of a value beyond its type."""
 
     FILLED = "has at least one character or entry"
-    ONE_OR_SEVERAL = "is one item, or a list of at least one"
+    ONE_OR_SEVERAL = "is one item, or a list with at least one"
     THRESHOLDS = "is a map from performance index to `at_most` or `at_least`"
     OWN_NAME = "is the key of the entry"
 
@@ -54,6 +54,7 @@ class Form(StrEnum):
 
     NAME = NAME_PATTERN
     TASK = TASK_PATTERN
+    THREAD = r"^[^,\x00-\x1f\x7f]{1,64}$"
     VARIABLE = "^[A-Za-z_][A-Za-z0-9_]{0,254}$"
     CALL = rf"^{_PYTHON}(\.{_PYTHON})*:{_PYTHON}$"
     SSH = r"^([A-Za-z0-9_][A-Za-z0-9_.\\-]{0,127}@)?[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
@@ -61,6 +62,7 @@ class Form(StrEnum):
     SSH_FILE = "^[A-Za-z0-9_~/.%][A-Za-z0-9_~/.%+:@ -]{0,254}$"
     ABSOLUTE_FOLDER = "^/[^\\x00-\\x1f\\x7f]{0,254}$"
     SLICE = "^[a-z0-9][a-z0-9_-]{0,62}$"
+    TOPIC = "^/[A-Za-z0-9_]+(/[A-Za-z0-9_]+){0,30}$"
     STRESSOR = "^[a-z][a-z0-9-]{0,39}$"
     OPERATION = "^[a-z][a-z_]{0,62}$"
     CODE = "^RARMS[0-9]{3}$"
@@ -78,6 +80,7 @@ OneOrSeveral = Annotated[tuple[T, ...], Shape.ONE_OR_SEVERAL]
 
 Name = Annotated[str, Form.NAME]
 TaskName = Annotated[str, Form.TASK]
+ThreadPattern = Annotated[str, Form.THREAD]
 Variable = Annotated[str, Form.VARIABLE]
 
 Processors = Annotated[int, Within(1, 2048)]

@@ -9,7 +9,7 @@ from typing import Literal
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed
 from rarms_iac.model.state import PartitionSettings
 
 
@@ -54,7 +54,7 @@ class PlacedPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """How good the choice of hosts is, where there was one."""
+    """The quality of the choice of hosts, where there was one."""
 
     reserved: Internal[int]  # in all, in per cent of one logical processor
     reserved_bound: Internal[int]  # no layout reserves less
@@ -82,18 +82,6 @@ class Placement:
         return "optimal" if self.proven else "within the bound"
 
 
-def describe_placement(placement: Placement) -> str:
-    """Say how good the choice of hosts is.
-
-    Returns:
-        A sentence.
-    """
-    if placement.verdict == "optimal":
-        return "The choice of hosts is optimal: no other reserves less, and none that reserves as much moves fewer."
-    gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
-    return f"The choice of hosts is within {gap} and {placement.moves - placement.moves_bound} moves of the bound."
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenLayout:
     """The hosts that the solver chose, with its word on how good the choice is."""
@@ -112,7 +100,7 @@ class Layout:
     placement: Placement | None = None  # None where there was nothing to choose
 
     def chosen(self) -> ChosenLayout:
-        """Return what of it was chosen."""
+        """Return the part that was chosen."""
         placement = self.placement
         return ChosenLayout(
             hosts={partition.name: partition.host for partition in self.partitions},
@@ -127,18 +115,21 @@ class Layout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookedUp:
-    """What components in one partition need on a host."""
+    """The need of components in one partition on a host."""
 
     reservation: LogicalProcessors
     processors: int | None = None  # virtual ones, with which they were measured together; None: not measured
+    provisional: bool = False  # by the estimates of the first pass, and not shown yet
     remarks: tuple[Diagnostic, ...] = ()  # that a log could not be verified, or is of a busy host; without a place
     # By member: processor time of a job, in ms, on each of the processors that it uses; absent: not measured.
     job_ms: Mapping[str, float] = field(default_factory=dict)
+    governors: tuple[str, ...] = ()  # of `MachineSpeed`, those that it was measured with; empty: not known
+    memory_peak: int = 0  # bytes, the most that the members had at once while they were measured; 0: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedAnswer:
-    """What data logs say of components in one partition, on hosts for which the same logs hold."""
+    """The answer of data logs for components in one partition, on hosts for which the same logs hold."""
 
     members: tuple[str, ...]  # by name
     hosts: tuple[str, ...]  # by name
@@ -146,7 +137,7 @@ class RecordedAnswer:
 
 
 class RelaxationKind(Enum):
-    """Whether a relaxation is enough, or what was taken for granted where it is not sure."""
+    """The certainty of a relaxation, or the assumption that it depends on."""
 
     CERTAIN = "certain"
     LOWER_SETTINGS = "lower_settings"  # less is enough for components of which no lower setting was measured
@@ -166,7 +157,7 @@ class RelaxedLevel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """What to change in the manifest, so that it would fit; it was tried. What is not certain has to be measured."""
+    """Changes of the manifest with which it would fit; they were tried. An uncertain one has to be measured."""
 
     changes: tuple[str, ...]  # needed together
     levels: tuple[RelaxedLevel, ...] = ()  # of the changes, those of an APT

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar, assert_never
 from rarms_iac.model.keys import Filled, Form, Key, PositiveTime, Quantity, Within
 from rarms_iac.model.quantities import Milliseconds, Percent, Unit
 
-_THREADS = Key("How many; absent: one a logical processor.")
-_INSTANCES = Key("How many at once.")
+_THREADS = Key("The number of threads or workers; absent: one for each logical processor.")
+_INSTANCES = Key("The number of instances that run at once.")
 Threads = Annotated[int | None, Within(1, 4096), _THREADS]
 Instances = Annotated[int, Within(1, 1000), _INSTANCES]
 
@@ -48,8 +48,9 @@ class Stress:
         str,
         Form.STRESSOR,
         Key(
-            "What they do, by its name in `stress-ng --stressors`: `timer` (interrupts), `hdd` (disk), `stream` "
-            "(memory bandwidth), `switch` (context switches), `sock` (soft interrupts of the network)."
+            "The stressor, by its name in `stress-ng --stressors`: `timer` (interrupts), `hdd` (disk), "
+            "`stream` (memory bandwidth), `switch` (context switches), `sock` (soft interrupts of the "
+            "network)."
         ),
     ]
     workers: Threads = None
@@ -64,11 +65,11 @@ class Bursts:
     """
 
     kind: ClassVar[str] = "bursts"
-    every: Annotated[PositiveTime, Key("From burst to burst, on average, while nothing delays them: `50 ms`.")]
+    every: Annotated[PositiveTime, Key("The mean time from burst to burst without delays: `50 ms`.")]
     duty: Annotated[
         Percent | None,
         Quantity(kinds=(Unit.SHARE,), positive=True, most="100 %"),
-        Key("Which part of it each thread takes as processor time; absent: what P2 reserves."),
+        Key("The part of the period that each thread uses as processor time; absent: the reservation of P2."),
     ] = None
     threads: Threads = None
 
@@ -91,7 +92,7 @@ SHORTEST_GAP, LONGEST_GAP = 0.5, 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycle:
-    """What each thread of a load that bursts does, on average."""
+    """The average activity of each thread of a load that bursts."""
 
     burst_ms: float  # of processor time
     gap_ms: float  # between the end of a burst and the next one
@@ -120,12 +121,36 @@ def is_steady(load: Interference) -> bool:
             assert_never(load)
 
 
+LONG_CYCLE = Milliseconds(Fraction(100))
+"""Bursts that come so seldom, or more seldom, run in two partitions: the window that a scheduler remembers."""
+
+
+def load_parts(load: Interference, processors: int) -> int:
+    """Return the number of partitions in which a load interferes: 2 where waits are then more frequent.
+
+    With one neighbor a component that competes for several processors waits seldom and long. With several it waits two
+    to four times as often, so that percentiles of short jobs are longer, although the mean is the same. Short bursts
+    stay in one partition: they delay a mean most where they take all processors at once (docs/measuring.md, Loads).
+
+    Args:
+        processors: LPs of the host.
+    """
+    if processors == 1:
+        return 1
+    match load:
+        case BusyLoop(threads=None):
+            return 2
+        case Bursts(every=every, duty=None, threads=None):
+            return 2 if every >= LONG_CYCLE else 1
+        case _:
+            return 1  # what the manifest counts exists once
+
+
 def could_take_all(load: Interference, processors: int) -> bool:
     """Tell whether a load could take all that P2 reserves, by what it is.
 
     Args:
         load: of a program of which nothing is known it is taken for granted; what was seen of it may say otherwise.
-        processors: that P2 may use.
 
     Returns:
         False for fewer threads than processors, for bursts of a fixed duty, and for browsers.
@@ -162,6 +187,30 @@ def _loads_without_entry() -> dict[str, Interference]:
 
 LOADS_WITHOUT_ENTRY: Mapping[str, Interference] = _loads_without_entry()
 """What a manifest may name without describing it; an entry of the same name stands instead."""
+
+MOST_HARMFUL_MS = 20
+"""The period of the bursts that decide most often, of the loads that need no entry (docs/measuring.md)."""
+
+
+def load_of_first_pass(loads: Mapping[str, Interference]) -> str:
+    """Choose the load of the first pass: the one that most probably decides a reservation.
+
+    Args:
+        loads: Those of the policy by name, at least one.
+
+    Returns:
+        The bursts that take all their partition reserves and whose period is nearest to `MOST_HARMFUL_MS`, by its
+            ratio; without such the first that is not a busy loop, or else the first.
+    """
+    bursts = {
+        name: max(load.every / MOST_HARMFUL_MS, MOST_HARMFUL_MS / load.every)
+        for name, load in loads.items()
+        if isinstance(load, Bursts) and load.duty is None
+    }
+    if bursts:
+        return min(bursts, key=lambda name: bursts[name])
+    return next((name for name, load in loads.items() if not isinstance(load, BusyLoop)), next(iter(loads)))
+
 
 DEFAULT_LOADS = (BUSY_LOOP, "bursts-20", "bursts-100")
 """The loads under which a reservation must hold if the manifest names none."""

@@ -17,7 +17,7 @@ TOP_OF_MEDIUM = 7
 
 
 def thread_priority(category: TaskCategory, priority: int, background_priority: int) -> int:
-    """Return what threads of a class run at while they have their share."""
+    """Return the priority of a class's threads while they have their share."""
     match category:
         case TaskCategory.HIGH:
             return 26
@@ -85,7 +85,7 @@ OFF = 100
 
 
 def taken_for(percent: int) -> int:
-    """Return what Windows makes of the number.
+    """Return the number as Windows rounds it.
 
     Out of range it is 20, otherwise rounded down to tens (page of May 2025).
     """

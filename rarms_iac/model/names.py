@@ -103,7 +103,7 @@ class Renaming:
 
 
 def renaming(there: Collection[str], wanted: Collection[str], moved: Mapping[str, str]) -> Renaming:
-    """Return what the partitions that are there are to be called.
+    """Return the wanted names of the partitions that are there.
 
     A move happens where the old name is on the host, the new one is wanted, and the new one is free or moves away
     itself. A name that stepped aside for an exchange goes on to where it was going.

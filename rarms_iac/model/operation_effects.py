@@ -1,16 +1,14 @@
-"""What operations make of a partition, which operation undoes one, and the titles of their steps.
+"""The effect of an operation on a partition, and the operation that undoes it.
 
 Begin at `applied`, for settings, and `reverse`, given what was there before.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
 from math import ceil
 from typing import assert_never
 
-from rarms_iac.model.changes import Address, Change, Update
-from rarms_iac.model.facets import change_text, with_values
+from rarms_iac.model.facets import with_values
 from rarms_iac.model.operations import (
     EraseMark,
     EraseTaskRecord,
@@ -26,10 +24,7 @@ from rarms_iac.model.operations import (
     WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
-    forced_after_ms,
 )
-from rarms_iac.model.plan import Step
-from rarms_iac.model.quantities import plain
 from rarms_iac.model.state import (
     Mark,
     Partition,
@@ -60,10 +55,9 @@ def mark_operation(mark: Mark | None, partition: str, machine: str) -> WriteMark
 
 
 def applied(settings: PartitionSettings, operation: MachineOperation) -> PartitionSettings:
-    """Return what an operation makes of a partition's settings.
+    """Return a partition's settings after an operation.
 
     Args:
-        settings: before the operation.
         operation: one that the host accepts.
 
     Returns:
@@ -86,7 +80,6 @@ def partition_after(partition: Partition, operation: MachineOperation) -> Partit
     """Return a machine after an operation on it that leaves it there: its settings, its state and its mark.
 
     Args:
-        partition: before the operation.
         operation: one that the host accepts.
 
     Returns:
@@ -162,52 +155,3 @@ def values_operation(task: str, inside: str, values: Mapping[str, RegistryValue]
     if not values:
         return RemoveTaskClass(task=task, inside=inside)
     return WriteTaskClass(task=task, inside=inside, values=dict(values))
-
-
-def describe_stop(grace: int, *, forces: bool) -> str:
-    """Describe how a guest is stopped, with the times in seconds after it was asked.
-
-    Args:
-        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
-        forces: whether its host can force it to shut down.
-    """
-    if not grace:
-        return "turned off, not asked"
-    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
-    return f"asked, {forced}after {_seconds(grace)} s turned off"
-
-
-def _seconds(milliseconds: int) -> str:
-    return plain(Fraction(milliseconds, 1000))
-
-
-def change_title(operation: Operation, old: PartitionSettings, to: PartitionSettings) -> str:
-    """Say from what to what an operation changes a machine.
-
-    Args:
-        old: its settings before the change, of all steps that belong together.
-        to: its settings after it.
-    """
-    match operation:
-        case Set(after=after):
-            return change_text(after, old, to) or str(operation)
-        case RenamePartition(name=name):
-            return f"name {old.name} -> {name}"
-        case WriteMark():
-            return f"{operation}, set {operation.mark('').written}"
-        case _:
-            return str(operation)
-
-
-def reversal(step: Step, changes: Mapping[Address, Change]) -> Step:
-    """Return the step that undoes one, titled from what is found then to what was there before.
-
-    Args:
-        step: of a plan; it has an undo with an operation.
-        changes: those of its host, by address.
-    """
-    assert step.undo.operation is not None, "a step without an undo is not undone"
-    operation, change = step.undo.operation, changes.get(step.address)
-    if isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition):
-        return step.reversed(change_title(operation, change.after.settings, change.before.settings))
-    return step.reversed(str(operation))

@@ -2,8 +2,7 @@
 
 Each operation is one indivisible call on every provider, so that a kill leaves it either undone or done. Partitions
 are named as the manifest names them; the provider resolves the name as `diff.readings.resolve` says: `machine`, the id,
-where the plan knew it (always for one that existed), otherwise our mark or the plan's pending name. As text an
-operation says what it does, for a person, without the address that stands before it.
+where the plan knew it (always for one that existed), otherwise our mark or the plan's pending name.
 
 SystemResponsiveness of the host itself is written, removed and recorded by the operations of task classes: its value
 has the name of the class, and no task class of the manifest may have that name (RARMS043).
@@ -14,19 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from rarms_iac.model.changes import SLASH
-from rarms_iac.model.facets import FACETS, LABELS, Facet, FacetRow, Reading, Readings, facet_of, refuse_values
-from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.quantities import write_bytes
-from rarms_iac.model.state import (
-    ID_DIGITS,
-    NO_GENERATION,
-    Mark,
-    PartitionSettings,
-    RegistryValue,
-    StoppedBy,
-    TaskClass,
-    TaskRecord,
-)
+from rarms_iac.model.facets import FACETS, Facet, FacetRow, Reading, Readings, facet_of, refuse_values
+from rarms_iac.model.state import ID_DIGITS, Mark, PartitionSettings, RegistryValue, StoppedBy, TaskClass, TaskRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +29,6 @@ class CreatePartition:
     vm_path: str = ""  # empty: the host's default
     secure_boot: str = ""  # a template, or `SECURE_BOOT_OFF`; empty: as the host makes it
     kind: Literal["create_partition"] = "create_partition"
-
-    def __str__(self) -> str:
-        if self.generation == NO_GENERATION:
-            return f"make a control group with {write_bytes(self.memory)}"
-        return f"make a machine of generation {self.generation} with {write_bytes(self.memory)}"
 
 
 def disk_path(making: CreatePartition, plan: str, usual: str) -> str:
@@ -76,9 +59,6 @@ class RemovePartition:
     machine: str = ""
     kind: Literal["remove_partition"] = "remove_partition"
 
-    def __str__(self) -> str:
-        return "remove the machine"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestorePartition:
@@ -92,9 +72,6 @@ class RestorePartition:
     tasks: tuple[TaskClass, ...] = ()  # of its guest, as they were
     kind: Literal["restore_partition"] = "restore_partition"
 
-    def __str__(self) -> str:
-        return "make it again as it was"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoveDisk:
@@ -105,9 +82,6 @@ class RemoveDisk:
     parent: str
     kind: Literal["remove_disk"] = "remove_disk"
 
-    def __str__(self) -> str:
-        return f"delete its disk {self.path}"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenamePartition:
@@ -117,9 +91,6 @@ class RenamePartition:
     name: str  # as it is called afterwards
     machine: str = ""
     kind: Literal["rename_partition"] = "rename_partition"
-
-    def __str__(self) -> str:
-        return f"give it its name {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,9 +119,6 @@ class WriteMark:
             protected=self.protected,
         )
 
-    def __str__(self) -> str:
-        return f"mark it as {self.application}/{self.name}"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EraseMark:
@@ -159,9 +127,6 @@ class EraseMark:
     partition: str
     machine: str = ""
     kind: Literal["erase_mark"] = "erase_mark"
-
-    def __str__(self) -> str:
-        return "erase the mark"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,9 +155,6 @@ class Set:
         """The operation that undoes this one."""
         return replace(self, before=self.after, after=self.before)
 
-    def __str__(self) -> str:
-        return "set " + ", ".join(f"{LABELS[name]} {value}" for name, value in self.after.items())
-
 
 def set_to(partition: str, machine: str = "", **values: Reading) -> Set:
     """Return the operation that gives a machine these settings, all of one facet, without the values before it."""
@@ -207,9 +169,6 @@ class StartPartition:
     machine: str = ""
     kind: Literal["start_partition"] = "start_partition"
 
-    def __str__(self) -> str:
-        return "start it"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopPartition:
@@ -220,16 +179,13 @@ class StopPartition:
     machine: str = ""
     kind: Literal["stop_partition"] = "stop_partition"
 
-    def __str__(self) -> str:
-        return "stop it"
-
 
 FORCED_MS = 300_000
 """What `Stop-VM -Force` gives the programs of a guest, and no more (windows.md 3)."""
 
 
 def forced_after_ms(grace_ms: int) -> int:
-    """Return when a Hyper-V guest that was asked to shut down is forced to.
+    """Return the time at which a Hyper-V guest that was asked to shut down is forced to.
 
     Args:
         grace_ms: milliseconds until its machine is turned off.
@@ -249,9 +205,6 @@ class WriteTaskClass:
     values: Mapping[str, RegistryValue]
     kind: Literal["write_task_class"] = "write_task_class"
 
-    def __str__(self) -> str:
-        return "set " + ", ".join(f"{name} {value.data}" for name, value in sorted(self.values.items()))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoveTaskClass:
@@ -260,9 +213,6 @@ class RemoveTaskClass:
     task: str
     inside: str
     kind: Literal["remove_task_class"] = "remove_task_class"
-
-    def __str__(self) -> str:
-        return "take the value away" if self.task == SYSTEM_RESPONSIVENESS else "remove the class"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,9 +224,6 @@ class WriteTaskRecord:
     record: TaskRecord
     kind: Literal["write_task_record"] = "write_task_record"
 
-    def __str__(self) -> str:
-        return "record that it is ours, and what was there"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EraseTaskRecord:
@@ -286,9 +233,6 @@ class EraseTaskRecord:
     inside: str
     application: str
     kind: Literal["erase_task_record"] = "erase_task_record"
-
-    def __str__(self) -> str:
-        return "forget it: it is no longer ours"
 
 
 MachineOperation = RemovePartition | RenamePartition | WriteMark | EraseMark | Set | StartPartition | StopPartition

@@ -70,6 +70,32 @@ class JudgedIndex:
     estimate: Estimate
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RareSlowJobs:
+    """A threshold is met if no job slower than any that was seen occurs more often than once in so many jobs."""
+
+    kind: Literal["slow_jobs"] = "slow_jobs"
+    component: str
+    index: str
+    slower_than_ms: float
+    once_in: int  # jobs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RareRuns:
+    """A threshold is met if no run of so many bad jobs occurs more often than once in so many jobs."""
+
+    kind: Literal["runs"] = "runs"
+    component: str
+    index: str
+    jobs: int  # of a run
+    once_in: int  # jobs
+
+
+Condition = RareSlowJobs | RareRuns
+"""On which a threshold is met: what its samples had no room for."""
+
+
 class _Judgement(OutputText):
     """Base of the verdicts: their text is `verdict_word`."""
 
@@ -137,7 +163,7 @@ VerdictWord = Literal[
 
 
 def verdict_word(verdict: Verdict) -> VerdictWord:
-    """Return what a verdict is called: in tables, in JSON and in the configuration logs."""
+    """Return the name of a verdict, in tables, in JSON and in the configuration logs."""
     match verdict:
         case Met():
             return "met"
@@ -163,6 +189,9 @@ class Measure:
     until_clear: bool = False  # it goes on until the verdicts are clear; otherwise as `run.until` says
     within_until: bool = False  # with `until_clear`: it ends at `run.until` all the same
     precision: float | None = None  # with `until_clear`: not before the mean is known within this part of it
+    unconditional: bool = False  # with `until_clear`: until its verdicts have no `Condition`, if they may be rid of it
+    first_pass: bool = False  # only until its estimates tell on which side of the thresholds they probably lie
+    until_known: bool = False  # with `until_clear`: it ends, too, once it shows closely enough where the answer lies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +202,7 @@ class Sufficient:
     failed: int | None  # the highest lower CR at which one was not met; None: there is none, or it was not measured
     inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
     more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find a lower CR
+    down_to: ReservePercent | None = None  # the least CR that may be enough, where that saves more than the precision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +217,7 @@ class NotResolved:
     """It is not shown yet which CR is enough."""
 
     reason: str
+    member: str = ""  # whose samples are meant: the one that has to be measured longest; empty: each
     samples: int | None = None  # with which the highest setting would probably be clear, maybe more than it may have;
     # None: nothing tells
     more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find one
@@ -222,9 +253,10 @@ ExperimentDecision = Measure | Conclusion
 
 
 class Achievement(StrEnum):
-    """How a threshold stands; a component stands as its worst threshold does. From good to bad."""
+    """The standing of a threshold, from good to bad; a component has that of its worst threshold."""
 
     MET = "met"
+    PROVISIONAL = "provisional"  # met by the estimates of the first pass, and not shown yet with every load
     UNMEASURED = "not measured"  # a load that the reservation must hold with has no data log that holds
     OPEN = "not shown yet"
     MISSED = "not achieved"
@@ -238,7 +270,7 @@ def worst(achievements: tuple[Achievement, ...]) -> Achievement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThresholdAchievement:
-    """How one threshold of a component stands with all loads."""
+    """The standing of one threshold of a component with all loads."""
 
     component: str
     index: str
@@ -248,11 +280,11 @@ class ThresholdAchievement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReservationVerdict:
-    """What the data logs of the components of a partition say of their thresholds together."""
+    """The verdict of the data logs on the thresholds of a partition's components together."""
 
     thresholds: tuple[ThresholdAchievement, ...]
     interference: str = ""  # the load that asks for most; empty: nothing is measured
-    so_far: Internal[ReservePercent | None] = None  # the least CR that is enough with the measured loads
+    so_far: Internal[ReservePercent | None] = None  # the least CR that is enough, or seems so, with the measured loads
     not_measured: tuple[str, ...] = ()  # loads without a data log that holds
 
     @property
@@ -263,7 +295,7 @@ class ReservationVerdict:
     @output
     def reserve(self) -> ReservePercent | None:
         """The least CR at which every threshold holds with every load, in whole per cent; None: it is not known."""
-        return self.so_far if self.achievement is Achievement.MET else None
+        return self.so_far if self.achievement in {Achievement.MET, Achievement.PROVISIONAL} else None
 
     def of(self, component: str) -> Achievement:
         """Return the verdict of a component: how its worst threshold stands."""

@@ -54,7 +54,7 @@ def output(compute: Callable[[Any], T]) -> ComputedOutput[T]:
 
 @cache
 def output_hints(record: type) -> Mapping[str, Any]:
-    """Return which parts of a dataclass are its output, in order: its fields, then its marked properties.
+    """Return the parts of a dataclass that are its output, in order: its fields, then its marked properties.
 
     Returns:
         The type of each part by name.

@@ -11,12 +11,12 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.facets import Readings
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import ChosenLayout, Placement, RecordedAnswer
 from rarms_iac.model.names import BETWEEN, is_name, is_task
-from rarms_iac.model.operations import Operation
+from rarms_iac.model.operations import CreatePartition, Operation, Set
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.state import HostFacts, RegistryValue, State, StoppedBy
+from rarms_iac.model.state import HostFacts, RegistryValue, State
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import HostTotals, Totals, host_totals
 
@@ -32,12 +32,12 @@ class Scope:
     plan: str  # id
 
     def pending(self, partition: str) -> str:
-        """Return what a partition is called while this plan makes it; a dot cannot occur in a manifest's name."""
+        """Return the name of a partition while this plan makes it; a dot cannot occur in a manifest's name."""
         return f"{partition}.rarms-{self.plan}"
 
 
 class UndoLevel(StrEnum):
-    """How much of a step can be undone."""
+    """The part of a step that can be undone."""
 
     FULL = "full"
     PARTIAL = "partial"
@@ -46,7 +46,7 @@ class UndoLevel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undo:
-    """How a step is undone, and what stays different afterwards."""
+    """The undo of a step, and what stays different afterwards."""
 
     level: UndoLevel
     operation: Operation | None  # None where nothing can be done
@@ -68,6 +68,8 @@ class Step:
     claim_after: Internal[Claim]
     comment: str  # why here in the order; why at all is the reason of its change
     place: Place | None = None  # the manifest line behind it
+    # Of the two steps that reserve more for a start and give it back: how long it waits first. None: any other step.
+    wait_ms: int | None = None
 
     def reversed(self, title: str) -> "Step":
         """Return the step that undoes this one, which needs an undo; reversing that does this one again."""
@@ -94,7 +96,7 @@ class HeldBack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreadClass:
-    """What the threads of a task class run at in one operating system, once its Windows has started again."""
+    """The priority of a task class's threads in one operating system, once its Windows has started again."""
 
     inside: str  # the partition whose guest it is; empty: the host itself
     task: str
@@ -131,16 +133,30 @@ class UnusedPartition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostPlan:
-    """The part of a plan for one host: changes, and steps in their order."""
+class HostSteps:
+    """The steps of a run on one host: the scripts of the host are made of them."""
 
     host: Internal[Host]
     facts: HostFacts
+    serial: int  # of the application on this host, before the run
+    changes: tuple[Change, ...]  # by address
+    steps: tuple[Step, ...]  # in the order in which they are done
+    # By partition, then name: what the scripts write in guests that could not be looked into.
+    guest_tasks: tuple[GuestTask, ...] | None = None
+
+    @property
+    def changes_by_address(self) -> Mapping[Address, Change]:
+        """The changes, each by its address."""
+        return {change.address: change for change in self.changes}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostPlan(HostSteps):
+    """The part of a plan for one host: changes, and steps in their order."""
+
     state_path: str  # simulated hosts: where their file lies, relative to the manifest's folder
     serial: int  # of the application on this host, when the plan was made
     digests: Mapping[str, str]  # of each part of the observed state that must not have moved
-    changes: tuple[Change, ...]  # by address
-    steps: tuple[Step, ...]  # in the order in which they are done
     held_back: tuple[HeldBack, ...]
     unused: tuple[UnusedPartition, ...]  # by name; stopped already
     unchanged: int  # resources that are as wanted
@@ -150,11 +166,10 @@ class HostPlan:
     components: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # by partition of the layout; for the reader
+    provisional: tuple[str, ...] = ()  # partitions whose reservation is of the first pass of `rarms measure` alone
     stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
     mechanisms: Mapping[str, str] | None = None
-    # By partition, then name: what the scripts write in guests that could not be looked into.
-    guest_tasks: tuple[GuestTask, ...] | None = None
     signature: Internal[str] = ""  # HMAC-SHA256 of what it does, in hex, where a key is set
 
     @output
@@ -169,9 +184,10 @@ class HostPlan:
         return {**remove, **{name: command("start", name) for name in self.stopped}}
 
     @property
-    def changes_by_address(self) -> Mapping[Address, Change]:
-        """The changes, each by its address."""
-        return {change.address: change for change in self.changes}
+    def needs_consent(self) -> bool:
+        """Whether applying it sets provisional reservations on a host that is not simulated."""
+        changed = {step.address.partition for step in self.steps if _sets_reserve(step.operation)}
+        return not changed.isdisjoint(self.provisional) and self.host.provider is not ProviderKind.SIMULATED
 
     @property
     def host_totals(self) -> HostTotals | None:
@@ -179,8 +195,12 @@ class HostPlan:
         return None if self.totals is None else host_totals(self.host, self.facts, self.totals)
 
 
+def _sets_reserve(operation: Operation) -> bool:
+    return isinstance(operation, CreatePartition) or (isinstance(operation, Set) and "reserve" in operation.after)
+
+
 class Purpose(StrEnum):
-    """What a plan is for: the whole manifest, removing everything, taking a partition in or out, stopping some."""
+    """The purpose of a plan: the whole manifest, removing everything, taking a partition in or out, stopping some."""
 
     APPLY = "apply"
     DESTROY = "destroy"
@@ -200,7 +220,7 @@ class InputText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanOrder:
-    """What a plan is asked for, as far as a plan file holds it."""
+    """The request for a plan, as far as a plan file holds it."""
 
     manifest: str  # path as given
     manifest_digest: str
@@ -214,8 +234,8 @@ class PlanOrder:
     gone: frozenset[str] = frozenset()  # addresses that a target may name although nothing is there any more
     partitions: tuple[str, ...] = ()  # to import or release (one), to stop or start; empty: all that it applies to
     machine: str = ""  # id of the machine to import
-    stopped_by: StoppedBy = StoppedBy.USER  # what a stop is marked with; a measurement starts only its own
     remove_disks: bool = False  # of a destroy: also the disks that rarms made
+    accept_provisional: bool = False  # provisional reservations may be applied on hosts that are not simulated
     state_paths: Mapping[str, str] = field(default_factory=dict)  # by host: the file of a simulated one
     snapshot_findings: tuple[Diagnostic, ...] = ()
 
@@ -232,22 +252,28 @@ class PlanInputs(PlanOrder):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """Everything that `rarms apply PLAN` does. `id`: digest of it without scripts."""
+class RunIdentity:
+    """The facts of a run that the scripts of all its hosts have."""
 
-    id: str  # 12 hex digits
+    id: str  # 12 hex digits of a digest of what it does
     rarms_version: str
     application: str
     purpose: Purpose
     manifest: str  # path as given
     manifest_digest: str
+    accepted: tuple[Diagnostic, ...]
+    robot: str = ""  # of `Application`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan(RunIdentity):
+    """Everything that `rarms apply PLAN` does. `id`: digest of it without scripts."""
+
     today: str  # ISO date that acceptances were judged by
     max_disruption: Disruption
     hosts: tuple[HostPlan, ...]  # by name
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
-    accepted: tuple[Diagnostic, ...]
     overlays: tuple[str, ...] = ()  # paths as given, the last one names the robot
-    robot: str = ""  # of `Application`
     needs_key: bool = False  # `Policy.signed_plans`
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
     signature: Internal[str] = ""  # HMAC-SHA256 of its file, in hex, where a key was set when it was made
@@ -263,6 +289,16 @@ class Plan:
         """How many changes of each kind there are, as the last line of a plan has them, and how many are held back."""
         held_back = sum(len(host.held_back) for host in self.hosts)
         return {**count(change for host in self.hosts for change in host.changes), "held_back": held_back}
+
+    @output
+    def accepts_provisional(self) -> bool:
+        """Whether provisional reservations may be applied on hosts that are not simulated."""
+        return self.inputs.accept_provisional
+
+    @property
+    def provisional(self) -> tuple[str, ...]:
+        """The partitions whose reservation is provisional, by host, then by name."""
+        return tuple(name for host in self.hosts for name in host.provisional)
 
     @output
     def has_changes(self) -> bool:

@@ -23,7 +23,7 @@ ReservePercent = int
 
 
 class Unit(StrEnum):
-    """What a quantity measures; the value is how messages name it."""
+    """The kind of a quantity; the value is its name in messages."""
 
     TIME = "time"
     MEMORY = "memory"

@@ -14,7 +14,7 @@ from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, R
 
 
 class PolicyScope(StrEnum):
-    """Where an execution policy is set, in PowerShell's own words; the first that is set decides."""
+    """The scope of an execution policy, in PowerShell's own words; the first that is set decides."""
 
     MACHINE_POLICY = "MachinePolicy"
     USER_POLICY = "UserPolicy"
@@ -128,7 +128,7 @@ class SeenHost:
         return there is not None and (bool(there.ties) or there.state in {RunState.BUSY, RunState.CRITICAL})
 
     def sharing(self, partition: str) -> CoreSharing:
-        """Return how a partition takes cores there: as its machine does, or as one that is made now."""
+        """Return a partition's way of taking cores there: that of its machine, or of one that is made now."""
         there = self.present.get(partition)
         return core_sharing(self.facts) if there is None else there.sharing
 

@@ -13,7 +13,7 @@ LARGEST_SAMPLE = 1e12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """What one job of a component showed."""
+    """The result of one job of a component."""
 
     began_ms: float  # since the setting began; of a periodic job, its scheduled start
     response_ms: float | None  # None: no answer
@@ -32,6 +32,20 @@ class SkippedLines:
 
     count: int = 0
     first: tuple[str, ...] = ()  # at most `FIRST_SKIPPED`, shortened, invisible characters spelt out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardMessages:
+    """The messages that the subscriber next to a component heard, and its own delay."""
+
+    input: str  # the topic
+    inputs: int = 0
+    outputs: int = 0
+    unmatched: int = 0  # outputs with the stamp of no input
+    delay_ms: float | None = None  # of a message that the subscriber sends to itself, median; None: not measured
+    p99_delay_ms: float | None = None
+    ahead_ms: float = 0.0  # by which the stamps of inputs are ahead of this machine's clock when they come, median
+    simulated_time: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.model.series import Series, SkippedLines, join_series
+from rarms_iac.model.series import HeardMessages, Series, SkippedLines, join_series
+from rarms_iac.model.speed import MachineSpeed
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
@@ -16,16 +17,24 @@ P1 = "rarms-p1"
 P2 = "rarms-p2"
 """The test partition of the interfering load."""
 
-TEST_PARTITIONS = (P1, P2)
+P2_SECOND = "rarms-p2b"
+"""The second part of P2, where the load runs in two."""
+
+LOAD_PARTITIONS = (P2, P2_SECOND)
+TEST_PARTITIONS = (P1, *LOAD_PARTITIONS)
 
 P2_WEIGHT = 10_000
 """The highest weight that Hyper-V and control groups know: what P1's own processors leave idle goes to P2."""
 
-CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
+CONFINEMENT = f"P2 reserves the rest, with the weight {P2_WEIGHT}"
 """How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
 
-GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 reserves all the rest"
+GROUP_CONFINEMENT = "the weights of the control groups P1 and P2 are their reservations; P2 reserves the rest"
 """How P1 is held to CR on Linux, where weight with a reserve has no meaning."""
+
+
+ATTACHED_CONFINEMENT = "a quota limits the component to its CR; P2 reserves the rest"
+"""How a component that runs already is held to CR (`run.attach`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +63,7 @@ class PlatformFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvironmentSetup:
-    """What P1 and P2 are in those settings of a data log that count together; only the reserves differ between them."""
+    """P1 and P2 in those settings of a data log that count together; only the reserves differ between them."""
 
     members: tuple[str, ...]  # the components in P1, by name
     interference: str  # the load in P2, by its name in the manifest
@@ -84,8 +93,22 @@ class OutsideWork:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadsSeen:
+    """The threads of a component that are to have a task class by their names (`task: {threads: [...]}`)."""
+
+    unmatched: tuple[str, ...] = ()  # patterns that no thread's name fits
+    names: tuple[str, ...] = ()  # of threads that were seen, some of them
+    refused: str = ""  # the first thread that did not get its priority, and the kernel's reason; empty: none
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether every pattern has a thread, and each has its priority."""
+        return not self.unmatched and not self.refused
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SettingEvidence:
-    """What a host's kernel counted while samples were taken: whether the setting was what it says."""
+    """The counts of a host's kernel while samples were taken: they show whether the setting was kept."""
 
     elapsed_ms: float = 0.0
     cpu_ms: Mapping[str, float] = field(default_factory=dict)  # processor time by partition
@@ -99,13 +122,23 @@ class SettingEvidence:
     hypervisor_ms: Mapping[str, float] | None = None
     # By component, from the first line on: also before samples counted. Only of those that have some.
     skipped_lines: Mapping[str, SkippedLines] = field(default_factory=dict)
+    # By component, from the first message on: only of those whose samples come from messages.
+    messages: Mapping[str, HeardMessages] = field(default_factory=dict)
     outside: tuple[OutsideWork, ...] = ()  # where work ran that is in none of the partitions, largest first
     others: tuple[OutsideWork, ...] = ()  # all that used processors in none of the partitions, largest first
     out_of_memory: Mapping[str, int] = field(default_factory=dict)  # by component: processes killed for its memory
+    speeds: tuple[MachineSpeed, ...] = ()  # of the machine, at the begin and at the end; empty: it does not say
+    memory_peak: int | None = None  # bytes, the most that P1's processes had at once; None: not counted
+    threads: Mapping[str, ThreadsSeen] = field(default_factory=dict)  # by component, if some have no priority
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 
+    @property
+    def load_cpu_ms(self) -> float:
+        """The processor time of P2, of all its parts together."""
+        return sum(self.cpu_ms.get(name, 0.0) for name in LOAD_PARTITIONS)
+
     def since(self, before: "SettingEvidence") -> "SettingEvidence":
-        """Return what was counted since then.
+        """Return the counts since then.
 
         Args:
             before: the counters at some earlier moment.
@@ -120,6 +153,7 @@ class SettingEvidence:
             cpu_ms={name: time - before.cpu_ms.get(name, 0.0) for name, time in self.cpu_ms.items()},
             throttled_ms={name: time - before.throttled_ms.get(name, 0.0) for name, time in self.throttled_ms.items()},
             stolen_ms=self.stolen_ms - before.stolen_ms,
+            speeds=(*before.speeds, *self.speeds),
             waiting_ms=(self.waiting_ms or 0.0) - (before.waiting_ms or 0.0) if waited else None,
         )
 
@@ -136,6 +170,7 @@ class Setting:
     spent_ms: float | None = None  # of the host's time, with what was no sample; None: not recorded
     processors: int = 0  # virtual ones of P1 meanwhile; 0: not recorded, so those of the log's `EnvironmentSetup`
     used_processors: int | None = None  # the most that P1 was seen to use at once; None: that was not seen
+    first_pass: bool = False  # a first look at it: it chooses settings and a provisional answer, and gives no verdict
 
     @property
     def host_ms(self) -> float:
@@ -157,7 +192,7 @@ def join_settings(settings: Iterable[Setting], *, simulated: bool) -> tuple[Sett
 
     Returns:
         One setting a reservation, in the order in which these were first measured. What was disturbed or had not
-        settled is left out, where anything else is there.
+        settled is left out, where anything else is there; so is a first look, where a later one is there.
     """
     by_reserve: dict[int, list[Setting]] = {}
     for setting in settings:
@@ -174,13 +209,14 @@ def _without_shorter(settings: Sequence[Setting]) -> list[Setting]:
     return list(longest.values())
 
 
-def _length(setting: Setting) -> tuple[bool, int]:
-    return setting.has_verdict, min(len(series.samples) for series in setting.series)
+def _length(setting: Setting) -> tuple[bool, bool, int]:
+    return not setting.first_pass, setting.has_verdict, min(len(series.samples) for series in setting.series)
 
 
 def _join(settings: Sequence[Setting]) -> Setting:
     if len(settings) == 1:
         return settings[0]
+    settings = [setting for setting in settings if not setting.first_pass] or settings
     valid = [setting for setting in settings if setting.has_verdict] or settings[-1:]
     parts: dict[str, list[Series]] = {}
     for series in (series for setting in valid for series in setting.series):
@@ -213,3 +249,26 @@ def join_skipped(evidence: Iterable[SettingEvidence | None]) -> Mapping[str, Ski
             before = found.get(name, SkippedLines())
             found[name] = SkippedLines(count=before.count + more.count, first=before.first or more.first)
     return found
+
+
+def join_heard(evidence: Iterable[SettingEvidence | None]) -> Mapping[str, HeardMessages]:
+    """Return the heard messages of several settings or starts, by component: counts added, the largest delays."""
+    found: dict[str, HeardMessages] = {}
+    for each in evidence:
+        for name, more in (each.messages if each else {}).items():
+            found[name] = _join_heard(found[name], more) if name in found else more
+    return found
+
+
+def _join_heard(one: HeardMessages, other: HeardMessages) -> HeardMessages:
+    slow = max(one, other, key=lambda each: each.delay_ms or 0.0)
+    slowest = max(one, other, key=lambda each: each.p99_delay_ms or 0.0)
+    return replace(
+        max(one, other, key=lambda each: abs(each.ahead_ms)),
+        inputs=one.inputs + other.inputs,
+        outputs=one.outputs + other.outputs,
+        unmatched=one.unmatched + other.unmatched,
+        delay_ms=slow.delay_ms,
+        p99_delay_ms=slowest.p99_delay_ms,
+        simulated_time=one.simulated_time or other.simulated_time,
+    )

@@ -15,7 +15,7 @@ from rarms_iac.model.setting import TEST_PARTITIONS
 
 
 class Rights(StrEnum):
-    """Whether the caller may change the host; without them an empty list of machines proves nothing (windows.md 5)."""
+    """The caller's rights to change the host; without them an empty list of machines proves nothing (windows.md 5)."""
 
     PROVEN = "proven"
     MISSING = "missing"
@@ -54,11 +54,13 @@ class HostFacts:
     disk_folder: str = ""  # where new disks lie unless a partition says otherwise
     # Of each processor, what Linux admits for SCHED_DEADLINE: 0 where its control groups hold only some processors.
     deadline_percent: int | None = None  # None: `USUAL_DEADLINE_PERCENT`
+    real_time_percent: int | None = None  # of each processor, for the real-time budgets of groups; None: there are none
+    governor: str = ""  # what sets the processors' frequency, as of `MachineSpeed`
     processor_kinds: tuple[ProcessorKind, ...] = ()  # several; empty: the processors are alike, or it is not known
 
 
 class RunState(StrEnum):
-    """What a partition is doing; the transitional states of Hyper-V are `busy`, the critical ones `critical`."""
+    """The state of a partition; the transitional states of Hyper-V are `busy`, the critical ones `critical`."""
 
     OFF = "off"
     RUNNING = "running"
@@ -69,7 +71,7 @@ class RunState(StrEnum):
 
 
 class StartAction(StrEnum):
-    """What the host does with the partition when it starts itself."""
+    """The host's action on the partition when the host starts."""
 
     NOTHING = "nothing"
     START_IF_RUNNING = "start_if_running"
@@ -77,7 +79,7 @@ class StartAction(StrEnum):
 
 
 class StopAction(StrEnum):
-    """What the host does with the partition when it stops itself."""
+    """The host's action on the partition when the host stops."""
 
     TURN_OFF = "turn_off"
     SAVE = "save"
@@ -85,7 +87,7 @@ class StopAction(StrEnum):
 
 
 class Checkpoints(StrEnum):
-    """Which checkpoints may be taken of a partition."""
+    """The checkpoints that may be taken of a partition."""
 
     DISABLED = "disabled"
     PRODUCTION = "production"
@@ -94,7 +96,7 @@ class Checkpoints(StrEnum):
 
 
 NO_GENERATION = 0
-"""The generation of what is no virtual machine: a control group."""
+"""The generation of what is not a virtual machine: a control group."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +123,7 @@ SECURE_BOOT_OFF = "off"
 
 
 class StoppedBy(StrEnum):
-    """Who stopped a partition that is wanted running, as its mark says it; a value is the word in the mark."""
+    """The cause of a stop of a partition that is wanted running; a value is the word in its mark."""
 
     NO_USER = ""
     USER = "stopped"  # `rarms stop`: it stays so until `rarms start`
@@ -156,7 +158,7 @@ class Mark:
 
 
 class Tie(StrEnum):
-    """What decides over a machine apart from its host."""
+    """A system that decides over a machine apart from its host."""
 
     REPLICA = "replica"  # of a machine elsewhere, whose id and notes it has
     CLUSTER = "cluster"
@@ -263,7 +265,7 @@ class TaskClass:
 
 
 class DiskKind(StrEnum):
-    """What a virtual disk's file holds: all of it, what was written, or what differs from its parent."""
+    """The content of a virtual disk's file: the whole disk, its written part, or its difference from a parent."""
 
     FIXED = "fixed"
     DYNAMIC = "dynamic"
@@ -313,12 +315,10 @@ class State:
     # machine takes memory when it starts.
     memory_left: int | None = None
     node_left: int | None = None
+    attached: str = ""  # `the service nav2`, held by a measurement, also by a killed one; empty: none is
 
     def holds_nothing(self, machine: str) -> bool:
         """Tell whether a machine of this host can be removed and made again as it was.
-
-        Args:
-            machine: its id.
 
         Returns:
             False for a machine of Hyper-V, and for one with a disk: what is on it would be lost.

@@ -27,6 +27,7 @@ from rarms_iac.model.keys import (
     Shape,
     Share,
     TaskName,
+    ThreadPattern,
     Time,
     Within,
 )
@@ -38,7 +39,7 @@ from rarms_iac.model.wording import in_a_row
 
 
 class Disruption(StrEnum):
-    """What a change does to what runs; later members disturb more."""
+    """The disruption of a change; later members disturb more."""
 
     LIVE = "live"
     PARTITION_STOP = "partition_stop"
@@ -58,14 +59,14 @@ class Measured(StrEnum):
 
 
 class RunsOn(StrEnum):
-    """Where a component runs: in a partition, or in the host's own operating system."""
+    """The system that a component runs in: a partition, or the host's own operating system."""
 
     PARTITION = "partition"
     HOST = "host"
 
 
 class Minimise(StrEnum):
-    """Which of two layouts is better: the one that combines less, or the one that reserves less."""
+    """The rule for the better of two layouts: the one that combines less, or the one that reserves less."""
 
     COMBINING = "combining"
     RESERVATION = "reservation"
@@ -90,7 +91,7 @@ def weight_of_criticality(criticality: int) -> int:
 
 
 class Headroom(StrEnum):
-    """Who gets what is left over."""
+    """The receiver of the capacity that is left over."""
 
     BY_CRITICALITY = "by_criticality"
     EQUAL = "equal"
@@ -98,7 +99,7 @@ class Headroom(StrEnum):
 
 
 class StartMode(StrEnum):
-    """Whether a partition is wanted running."""
+    """The rule for whether a partition is wanted running."""
 
     AUTOMATIC = "automatic"
     MANUAL = "manual"
@@ -116,10 +117,10 @@ class TaskCategory(StrEnum):
 class Application:
     """Its name, and what it is for."""
 
-    name: Annotated[Name, Key("The application's name; it is in the mark of everything that rarms makes.")]
-    description: Annotated[str, Key("What it does, for people.")] = ""
+    name: Annotated[Name, Key("The application's name, which is part of all marks.")]
+    description: Annotated[str, Key("A description for readers.")] = ""
     requires_rarms: Annotated[
-        str | None, Form.LEAST_VERSION, Key("The least version of rarms that reads this manifest right: `>=0.2`.")
+        str | None, Form.LEAST_VERSION, Key("The smallest version of rarms for this manifest: `>=0.2`.")
     ] = None
     robot: str = ""  # name of the last overlay's file without its ending; empty: there are no overlays
 
@@ -154,41 +155,75 @@ Threshold = AtMost | AtLeast
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StartRequest:
+    """A larger reservation for the time of a start."""
+
+    reserve: Annotated[PositiveAmount, Key("The reservation at its start: `1 LP`, or a share of the host `50 %`.")]
+    time: Annotated[
+        Milliseconds,
+        Quantity(kinds=(Unit.TIME,), positive=True, most="5 min"),
+        Key("The duration, after which it has its normal reservation: `30 s`; at most 5 min.", "for"),
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CpuRequest:
-    """What is fixed of the CPU; the rest is left to the planner."""
+    """Fixed CPU settings; the planner chooses the rest."""
 
     reserve: Annotated[
         CpuAmount | Measured | None,
         Quantity(kinds=(Unit.SHARE, Unit.PROCESSORS)),
         Key(
-            "What is guaranteed: `measured` (the least that meets the thresholds, from the data log), a share of the "
-            "host `70 %`, or processors `1.4 LP`. Absent: measured for a component with thresholds (apt), else nothing."
+            "The reservation: `measured` (the smallest that meets the thresholds), a share of the host `70 "
+            "%`, or processors `1.4 LP`. Absent: measured for a component with thresholds (apt), otherwise "
+            "none."
         ),
     ] = None
     limit: Annotated[
         PositiveAmount | None,
-        Key("The most that it may use: `60 %` or `1.2 LP`. Absent: the planner chooses."),
+        Key("The limit: `60 %` or `1.2 LP`. Absent: the planner chooses."),
     ] = None
     weight: Annotated[
         int | None,
         Within(1, MOST_WEIGHT),
-        Key("Its relative share of what is not reserved: 1 to 10000, usually 100."),
+        Key(
+            "Its relative share of the unreserved processor time, 1 to 10000. Absent: as `policy.headroom` says; "
+            "`by_criticality`, the default, is 100 times the criticality, at most 10000."
+        ),
+    ] = None
+    starting: Annotated[
+        StartRequest | None,
+        Key("The reservation while it starts, if its host has enough free; absent: the normal reservation."),
     ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """What a job demands on a simulated host."""
+    """Demand of a job on a simulated host."""
 
     work: Annotated[PositiveTime, Key("Processor time of a job: `61.6 ms`.")]
-    blocked: Annotated[Time, Key("Time a job waits without the processor: `26.4 ms`.")] = Milliseconds(Fraction(0))
-    varies: Annotated[Share, Key("How much the work varies: its standard deviation over its mean, `5 %`.")] = Percent(
+    blocked: Annotated[Time, Key("Waiting time of a job without a processor: `26.4 ms`.")] = Milliseconds(Fraction(0))
+    varies: Annotated[Share, Key("The variation of the work, its standard deviation over its mean: `5 %`.")] = Percent(
         Fraction(0)
     )
-    threads: Annotated[int, Within(1, 4096), Key("How many threads share the work.")] = 1
+    threads: Annotated[int, Within(1, 4096), Key("The number of threads that share the work.")] = 1
     success_within: Annotated[
-        PositiveTime | None, Key("A job succeeds if it answers within this time; absent: always.")
+        PositiveTime | None, Key("The response time up to which a job succeeds; absent: every job succeeds.")
     ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadsTask:
+    """The task class of some threads of a component, by their names; the program need not be changed (Linux)."""
+
+    task_class: Annotated[TaskName, Key("The task class, as in `task: NAME`.", "class")]
+    threads: Annotated[
+        Filled[tuple[ThreadPattern, ...]],
+        Key(
+            "Names of the threads that get the priority of the class: `controller*`. The kernel keeps 15 "
+            "characters; a thread without its own name has that of its program."
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,40 +231,57 @@ class Component:
     """A component."""
 
     name: OwnName
-    criticality: Annotated[
-        int, Within(0, 1_000_000), Key("How bad it is when it misses its thresholds; larger is worse.")
-    ]
+    criticality: Annotated[int, Within(0, 1_000_000), Key("The importance of its thresholds; larger is more critical.")]
     apt: Annotated[
         Mapping[str, Threshold],
         Shape.THRESHOLDS,
-        Key("Acceptable performance thresholds: what is good enough, by performance index. Absent: it has none."),
+        Key("Acceptable performance thresholds, by performance index. Absent: none."),
     ] = field(default_factory=dict)
-    run: Annotated[Run | None, Key("How it is started and measured; absent: rarms does not run it.")] = None
+    run: Annotated[
+        Run | None, Key("The start and the measurement of the component; absent: rarms does not run it.")
+    ] = None
     interference: Annotated[
-        OneOrSeveral[Name], Key("The load, or loads, that its reservation is measured against; absent: the policy's.")
+        OneOrSeveral[Name], Key("The loads under which its reservation is measured; absent: those of the policy.")
     ] = ()
-    memory: Annotated[PositiveMemory, Key("The memory it needs: `512 MiB`.")] = Bytes(512 * 2**20)
+    memory: Annotated[PositiveMemory, Key("The memory of the component: `512 MiB`.")] = Bytes(512 * 2**20)
     processors: Annotated[
         Processors | None,
-        Key("Virtual processors of its partition; absent: as many as it was seen to use at once, else the host's."),
+        Key(
+            "Virtual processors of its partition; absent: as many as it used at once when measured, "
+            "otherwise those of the host."
+        ),
     ] = None
     task: Annotated[
-        TaskName | None, Key("Its robotic task class (RC SS): what kind of work it does, never a priority.")
+        TaskName | ThreadsTask | None,
+        Key(
+            "Its robotic task class (RC SS), the kind of its work. On Linux, "
+            "`{class: NAME, threads: [...]}` applies it to threads by name."
+        ),
     ] = None
-    cpu: Annotated[CpuRequest, Key("What is fixed of its CPU: reserve, limit, weight.")] = CpuRequest()
+    cpu: Annotated[CpuRequest, Key("Fixed CPU settings: reserve, limit, weight.")] = CpuRequest()
     together: Annotated[tuple[Name, ...], Key("Components that must share its partition.")] = ()
     apart: Annotated[tuple[Name, ...], Key("Components that must never share its partition.")] = ()
-    dedicated: Annotated[bool, Key("Whether it is alone in its partition.")] = False
+    dedicated: Annotated[bool, Key("Whether it must be alone in its partition.")] = False
     hosts: Annotated[
         Filled[tuple[Name, ...]] | None,
-        Key("Hosts it may run on; absent: any whose platform has its measurements, or all where its reserve is fixed."),
+        Key("Hosts it may run on; absent: all with its measurements, or all if its reserve is fixed."),
     ] = None
     runs_on: Annotated[
         RunsOn,
-        Key("`partition`, or `host`: in the host's own operating system, with a task class but without a reserve."),
+        Key("`partition`, or `host` for the host's own operating system, where it has no reserve."),
     ] = RunsOn.PARTITION
-    simulation: Annotated[Simulation | None, Key("What a job demands on a simulated host.")] = None
-    new: Annotated[bool, Key("In an overlay: the manifest has no component of this name.")] = False
+    simulation: Annotated[Simulation | None, Key("The demand of a job on a simulated host.")] = None
+    new: Annotated[bool, Key("In an overlay: the component is new, not in the manifest.")] = False
+
+    @property
+    def task_class(self) -> str | None:
+        """The name of its task class."""
+        return self.task.task_class if isinstance(self.task, ThreadsTask) else self.task
+
+    @property
+    def threads(self) -> tuple[str, ...]:
+        """The names of the threads that are to have its task class; empty: its threads join it, or all have it."""
+        return self.task.threads if isinstance(self.task, ThreadsTask) else ()
 
     def may_run_on(self, host: str) -> bool:
         """Return whether the manifest allows it on the host of this name.
@@ -241,7 +293,7 @@ class Component:
 
 
 def run_of(component: Component) -> Run:
-    """Return how a component is run; without a `run`, as on a simulated host, with the usual values."""
+    """Return the `run` of a component; without one, as on a simulated host, the usual values."""
     run = SIMULATED_ONLY if component.run is None else component.run
     within = None if component.simulation is None else component.simulation.success_within
     return replace(run, success_within=within, rates_success="success_rate" in component.apt)
@@ -251,16 +303,16 @@ def run_of(component: Component) -> Run:
 class HypervPartition:
     """Settings of Hyper-V; absent: those of the host's `hyperv` block."""
 
-    generation: Annotated[int | None, Within(1, 2), Key("1 or 2; it never changes after creation.")] = None
-    switch: Annotated[Filled[str] | None, Key("The virtual switch it is connected to.")] = None
-    image: Annotated[Filled[str] | None, Key("The disk image its disk is a child of.")] = None
+    generation: Annotated[int | None, Within(1, 2), Key("The generation, 1 or 2; it cannot be changed afterwards.")] = (
+        None
+    )
+    switch: Annotated[Filled[str] | None, Key("Its virtual switch.")] = None
+    image: Annotated[Filled[str] | None, Key("The parent image of its disk.")] = None
     vm_path: Annotated[Filled[str] | None, Key("The folder on the host for its virtual machine.")] = None
     secure_boot: Annotated[
         SecureBoot | None, Key("Secure boot of generation 2: `off`, or the template of its guest.")
     ] = None
-    clustered: Annotated[
-        bool | None, Key("Whether its machine may be changed although it belongs to a failover cluster.")
-    ] = None
+    clustered: Annotated[bool | None, Key("Whether rarms may change its machine in a failover cluster.")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,19 +324,16 @@ class LinuxPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guest:
-    """How rarms reaches inside."""
+    """Access to the guest of a partition."""
 
-    connect: Annotated[Connect | None, Key("How the guest is reached.")] = None
-    credential: Annotated[
-        Filled[str] | None, Key("The name under which a credential is stored; never the credential itself.")
-    ] = None
+    connect: Annotated[Connect | None, Key("The connection to the guest.")] = None
+    credential: Annotated[Filled[str] | None, Key("The name of a stored credential; never the credential itself.")] = (
+        None
+    )
     windows_build: Annotated[
         int | None,
         Within(2600, 99999),
-        Key(
-            "The build of its Windows, where the guest does not tell its host. From 10240 on memory changes while it "
-            "runs."
-        ),
+        Key("The build of its Windows, if the guest does not report it. From 10240, memory can change while it runs."),
     ] = None
 
 
@@ -293,39 +342,43 @@ GRACE = Milliseconds(Fraction(120_000))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionStop:
-    """How a partition is stopped, where a change needs it off: its guest is asked, forced, then it is turned off."""
+    """Shutdown of a partition for a change that needs it off: the guest is asked, then forced, then turned off."""
 
     grace: Annotated[
         Milliseconds,
         Quantity(kinds=(Unit.TIME,), most="1 h"),
         Key(
-            "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h. A guest on Hyper-V "
-            "is forced to from half of it on, in the last five minutes at most."
+            "The time for its guest to shut down before it is turned off: `90 s`; at most 1 h. On Hyper-V, "
+            "the second half is a forced shutdown, at most five minutes."
         ),
     ] = GRACE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionRequest:
-    """What is fixed of a partition."""
+    """Fixed settings of a partition; the planner chooses the rest."""
 
     name: OwnName
     components: Annotated[
-        Filled[tuple[Name, ...]], Key("The components in it; absent: the component of its name.")
+        Filled[tuple[Name, ...]], Key("Its components; absent: the component with the same name.")
     ] = ()
     processors: Annotated[
         Processors | None,
-        Key("Its virtual processors; absent: those of its components together, at most the host's."),
+        Key("Its virtual processors; absent: the sum of its components', at most those of the host."),
     ] = None
     memory: Annotated[PositiveMemory | None, Key("Its memory; absent: the sum of its components'.")] = None
-    cpu: Annotated[CpuRequest, Key("What is fixed of its CPU; absent: as its components say.")] = CpuRequest()
-    protect: Annotated[bool, Key("Whether its removal is an error.")] = False
+    cpu: Annotated[CpuRequest, Key("Fixed CPU settings; absent: from its components.")] = CpuRequest()
+    protect: Annotated[
+        bool, Key("Whether its removal by a plan is an error. `rarms undo` of the apply that made it still removes it.")
+    ] = False
     start: Annotated[StartMode, Key("`automatic`: rarms starts it; `manual`: you start it.")] = StartMode.AUTOMATIC
-    stop: Annotated[PartitionStop, Key("How it is stopped; absent: its guest has 120 s of grace.")] = PartitionStop()
+    stop: Annotated[PartitionStop, Key("The way to stop it; absent: its guest has 120 s to shut down.")] = (
+        PartitionStop()
+    )
     hyperv: Annotated[HypervPartition, Key("Settings of Hyper-V.")] = HypervPartition()
     linux: Annotated[LinuxPartition, Key("Settings of Linux.")] = LinuxPartition()
-    guest: Annotated[Guest, Key("How rarms reaches inside.")] = Guest()
-    new: Annotated[bool, Key("In an overlay: the manifest has no partition of this name.")] = False
+    guest: Annotated[Guest, Key("The guest in the partition.")] = Guest()
+    new: Annotated[bool, Key("In an overlay: the partition is new, not in the manifest.")] = False
 
 
 Level = Annotated[int | None, Within(1, 8)]
@@ -333,7 +386,7 @@ Level = Annotated[int | None, Within(1, 8)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRequest:
-    """What is fixed of a robotic task class; the rest is left to the planner."""
+    """Fixed settings of a robotic task class; the planner chooses the rest."""
 
     name: OwnName
     category: Annotated[
@@ -341,10 +394,10 @@ class TaskRequest:
         Key("The band of thread priorities: `High` (one priority for all), `Medium` or `Low`."),
     ] = None
     priority: Annotated[
-        Level, Key("1 to 8, larger goes first; orders threads in category Medium only, where 8 counts as 7.")
+        Level, Key("The priority in category Medium, 1 to 8; larger runs first, and 8 counts as 7.")
     ] = None
-    background_priority: Annotated[Level, Key("1 to 8, larger goes first; orders threads in category Low only.")] = None
-    replace_shipped: Annotated[bool, Key("Needed to change a task class that comes with Windows.")] = False
+    background_priority: Annotated[Level, Key("The priority in category Low, 1 to 8; larger runs first.")] = None
+    replace_shipped: Annotated[bool, Key("Allows rarms to change a task class that comes with Windows.")] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -352,13 +405,15 @@ class Acceptance:
     """A finding that is known and accepted."""
 
     code: OwnName
-    at: Annotated[Filled[tuple[Filled[str], ...]], Key("Where: addresses as the finding names them.")]
-    reason: Annotated[str, Key("Why it is accepted.")] = ""
-    until: Annotated[date | None, Key("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")] = None
+    at: Annotated[Filled[tuple[Filled[str], ...]], Key("The addresses, as in the finding.")]
+    reason: Annotated[str, Key("The reason.")] = ""
+    until: Annotated[
+        date | None, Form.DAY, Key("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")
+    ] = None
 
 
 class Unused(StrEnum):
-    """What becomes of a stopped partition that the manifest no longer names and that holds what could be lost."""
+    """The treatment of a stopped partition that the manifest no longer names and that holds data."""
 
     KEEP = "keep"
     REMOVE = "remove"  # where `max_disruption` allows removals, too
@@ -366,54 +421,71 @@ class Unused(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringLimits:
-    """How long may be measured to make one thing clear, in the host's own time."""
+    """Longest times of measuring one question, in the host's own time."""
 
-    setting: Annotated[PositiveTime, Key("A setting, with all of its loads together, before and after a kill.")] = (
-        Milliseconds(Fraction(600_000))
+    setting: Annotated[PositiveTime, Key("The longest time for one setting with all of its loads.")] = Milliseconds(
+        Fraction(600_000)
     )
-    proof: Annotated[PositiveTime, Key("A proof (`rarms prove`), with all of its loads together.")] = Milliseconds(
-        Fraction(1_200_000)
-    )
+    proof: Annotated[
+        PositiveTime | None,
+        Key(
+            "The longest time for a proof (`rarms prove`) with all of its loads. Absent: `setting` for each "
+            "load, at least 20 min."
+        ),
+    ] = None
+    slow_job: Annotated[
+        int,
+        Within(1, 1000),
+        Key(
+            "The longest job that no sample showed, as a multiple of the mean. A threshold that such jobs "
+            "would miss is met on a condition, marked `*`; 1: no conditions."
+        ),
+    ] = 20
+    precision: Annotated[
+        Percent,
+        Quantity(kinds=(Unit.SHARE,), most="50 %"),
+        Key(
+            "The accuracy of a search: the result may be this much above the smallest sufficient "
+            "reservation. One per cent of the partition's processors is always allowed."
+        ),
+    ] = Percent(Fraction(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """What rarms may do and prefers."""
+    """Permissions and preferences of rarms."""
 
     interference: Annotated[
         OneOrSeveral[Name],
-        Key(f"The load, or loads, that reservations are measured against; absent: {in_a_row(DEFAULT_LOADS)}."),
+        Key(f"The loads under which reservations are measured; absent: {in_a_row(DEFAULT_LOADS)}."),
     ] = DEFAULT_LOADS
     minimise: Annotated[
         Minimise,
-        Key("`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more."),
+        Key("`combining`: combine few components; `reservation`: reserve little processor time."),
     ] = Minimise.COMBINING
-    headroom: Annotated[Headroom, Key("Who gets what is not reserved: `by_criticality`, `equal` or `none`.")] = (
+    headroom: Annotated[Headroom, Key("The use of unreserved processor time: `by_criticality`, `equal` or `none`.")] = (
         Headroom.BY_CRITICALITY
     )
     max_disruption: Annotated[
         Disruption,
         Key("The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`."),
     ] = Disruption.HOST_RESTART
-    measuring: Annotated[MeasuringLimits, Key("How long may be measured to make one thing clear.")] = MeasuringLimits()
+    measuring: Annotated[MeasuringLimits, Key("The limits of measurements.")] = MeasuringLimits()
     unused: Annotated[
         Unused,
         Key(
-            "What becomes of a partition on Hyper-V that the manifest no longer names: `keep`, stopped, or `remove`, "
-            "which needs `max_disruption: removal`. Elsewhere it is removed in any case: it holds nothing that could "
-            "be lost."
+            "Partitions on Hyper-V that are not in the manifest now: `keep` them stopped, or `remove` them, "
+            "which needs `max_disruption: removal`. On other hosts they are always removed, because they "
+            "hold no data."
         ),
     ] = Unused.KEEP
     signed_plans: Annotated[
         bool,
-        Key(
-            "Whether plans are applied only where a key is set (`RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`) that they are "
-            "signed with."
-        ),
+        Key("Whether plans must be signed with the key in `RARMS_PLAN_KEY` or `RARMS_PLAN_KEY_FILE`."),
     ] = False
-    accept: Annotated[
-        Mapping[Annotated[str, Form.CODE], Acceptance], Key("Findings that are known and accepted, by their id.")
-    ] = field(default_factory=dict)
+    accept: Annotated[Mapping[Annotated[str, Form.CODE], Acceptance], Key("Accepted findings, by id.")] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -421,30 +493,31 @@ class System:
     """A manifest: the components of an application, what they must achieve, and the hosts they run on."""
 
     schema: Annotated[Literal["rarms/v1"], Key("The version of this format.")]
-    application: Annotated[Application, Key("Its name, and what it is for.")]
-    hosts: Annotated[Filled[Mapping[Name, Host]], Key("The machines that partitions are made on, by name.")]
+    application: Annotated[Application, Key("The name and description of the application.")]
+    hosts: Annotated[Filled[Mapping[Name, Host]], Key("The hosts of the partitions, by name.")]
     components: Annotated[
         Mapping[Name, Component],
-        Key("The components of interest (CoIs), and those that are merely there, by name."),
+        Key("The components of interest (CoIs) and other components, by name."),
     ]
     partitions: Annotated[
         Mapping[Name, PartitionRequest],
-        Key("What is fixed of partitions; without an entry each component has one of its own name."),
+        Key("Fixed settings of partitions, by name; a component without an entry has its own partition with its name."),
     ] = field(default_factory=dict)
     interference: Annotated[
         Mapping[Name, Interference],
         Key(
-            "Loads against which reservations are measured. `busy-loop`, `bursts-5` to `bursts-200` and "
-            "`bursts-5-half` to `bursts-200-half` (by `every`: 5, 10, 20, 50, 100 or 200 ms) exist without an entry."
+            "The loads under which reservations are measured, by name. `busy-loop`, `bursts-5` to "
+            "`bursts-200` and `bursts-5-half` to `bursts-200-half` (by `every`: 5, 10, 20, 50, 100 or 200 "
+            "ms) exist without an entry."
         ),
     ] = field(default_factory=dict)
-    tasks: Annotated[Mapping[TaskName, TaskRequest], Key("What is fixed of robotic task classes, by name.")] = field(
+    tasks: Annotated[Mapping[TaskName, TaskRequest], Key("Fixed settings of robotic task classes, by name.")] = field(
         default_factory=dict
     )
-    policy: Annotated[Policy, Key("What rarms may do and prefers.")] = Policy()
+    policy: Annotated[Policy, Key("Permissions and preferences for rarms.")] = Policy()
     moved: Annotated[
         Mapping[Name, Name],
-        Key("Partitions with a new name: old name to new name, so that they are renamed and not replaced."),
+        Key("Renamed partitions, old name to new name, so that they are not replaced."),
     ] = field(default_factory=dict)
 
     def loads_of(self, members: Iterable[str]) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def totals_of(own: Iterable[Claim], others: Iterable[Claim] = (), idle: Iterable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostTotals:
-    """What hosts have and have promised, in LPs and bytes. What is free is negative where too much is promised."""
+    """The capacity and promises of hosts, in LPs and bytes; free capacity is negative where too much is promised."""
 
     host_lp: int  # all logical processors
     memory: int  # all memory, in bytes

@@ -110,7 +110,7 @@ def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping
 
 
 def _current_names(there: Collection[str], here: Collection[str], moved: Mapping[str, str]) -> Mapping[str, str]:
-    """Return what each wanted partition is called on the host now, after the manifest's moves.
+    """Return the present name on the host of each wanted partition, after the manifest's moves.
 
     Only partitions that are there have an entry.
     """
@@ -205,7 +205,7 @@ def _tasks(
 
 
 def _responsiveness(host: Host, observed: State, application: Application) -> Responsiveness | None:
-    """Return what the manifest sets of the host's own Windows, with what was there before rarms."""
+    """Return the manifest's settings of the host's own Windows, with the values from before rarms."""
     if host.system_responsiveness is None or host.provider is ProviderKind.LINUX:
         return None
     wanted = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=host.system_responsiveness))

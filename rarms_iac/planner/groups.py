@@ -89,9 +89,6 @@ def may_share(*groups: Group) -> bool:
     `apart` and `dedicated` of a member forbid it. So does `protect` of any group but the most critical: the new
     partition takes that one's name, and the others are no longer wanted.
 
-    Args:
-        groups: at least one.
-
     Returns:
         False where a rule of any member forbids it; whether it fits a host is not looked at.
 
@@ -108,9 +105,6 @@ def may_share(*groups: Group) -> bool:
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
     """Sort components by criticality, equal ones by name.
-
-    Args:
-        components: in any order.
 
     Returns:
         All of them, the most critical first.

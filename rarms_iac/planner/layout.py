@@ -20,10 +20,12 @@ from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
+from rarms_iac.planner.measured_conditions import little_memory, other_governor
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.neighbours import neighbour_findings
 from rarms_iac.planner.planning_findings import NOT_PROVEN
 from rarms_iac.planner.problem import Problem, by_name, check_layout, problem_of, solve
+from rarms_iac.planner.real_time import real_time_findings
 from rarms_iac.planner.reservations import ReservationSource
 
 
@@ -53,7 +55,7 @@ def plan_layout(
         states: the hosts that were looked at, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
-        explain: search for the smallest conflict and for ways out, if there is no layout; otherwise sums alone say why.
+        explain: search for the smallest conflict and for ways out, without a layout; otherwise sums alone say why.
         chosen: the layout that is checked instead of a search; None: search.
 
     Returns:
@@ -74,6 +76,7 @@ def plan_layout(
         notes += _remarks(answer, problem, places)
         notes += neighbour_findings(answer, problem, places)
         notes += _deadlines(answer, problem, places)
+        notes += real_time_findings(answer, problem, places)
         notes += _placement(answer, places)
     else:
         if not answer.causes and not explain:
@@ -96,13 +99,12 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
 
     Args:
         answer: the causes; one without advice of its own is advised the ways out.
-        places: lines of the manifest.
 
     Yields:
         A finding for each cause.
     """
     for cause in answer.causes:
-        unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
+        unproven = "" if answer.proven else " The search ended at its limit, so a layout may still exist."
         unsearched: Facts = {"not_searched": answer.unfinished, "node_limit": answer.node_limit}
         limit = unsearched if answer.unfinished else {}
         yield replace(
@@ -122,11 +124,7 @@ def _limit_of_search(answer: Infeasible) -> str:
 
 
 def relaxed_levels(ways: Sequence[Relaxation]) -> dict[str, Any]:
-    """Return the APTs that ways out relax, each as its way, component, index and level, in four rows of equal length.
-
-    Args:
-        ways: as of `describe_ways_out`.
-    """
+    """Return the APTs that ways out relax in four rows of equal length: way, component, index and level."""
     levels = [(number, level) for number, way in enumerate(ways, 1) for level in way.levels]
     if not levels:
         return {}
@@ -145,7 +143,7 @@ def describe_ways_out(ways: Sequence[Relaxation]) -> Wording:
         ways: out of a layout that does not fit; none: none was found.
     """
     if not ways:
-        return "No change that was tried makes it fit: remove a component, or add a host."
+        return "None of the tried changes is enough: remove a component, or add a host."
     certain = [way for way in ways if way.kind is RelaxationKind.CERTAIN]
     lines: list[Wording] = [f"- {in_a_list(way.changes)}" for way in certain]
     if len(certain) == 1:
@@ -162,9 +160,6 @@ def describe_ways_out(ways: Sequence[Relaxation]) -> Wording:
 def in_a_list(changes: Sequence[str]) -> str:
     """Write changes that are needed together.
 
-    Args:
-        changes: at least one.
-
     Returns:
         A single one as it is, or a heading and a list, one line each.
     """
@@ -172,7 +167,7 @@ def in_a_list(changes: Sequence[str]) -> str:
 
 
 def describe_possibility(way: Relaxation) -> Wording:
-    """Say what may be enough, and which measurement tells.
+    """Return what may be enough, and the command that measures it.
 
     Args:
         way: one that is not certain.
@@ -185,17 +180,16 @@ def describe_possibility(way: Relaxation) -> Wording:
     tune = prose(tunes[0], *(piece for each in tunes[1:] for piece in (" and ", each)))
     match way.kind:
         case RelaxationKind.LOWER_SETTINGS:
-            return prose(f"{changes}: ", MEASURE, " may find that less is enough.")
+            return prose(f"{changes}: ", MEASURE, " may find a smaller reservation.")
         case RelaxationKind.FEWER_PROCESSORS:
-            return prose("Fewer virtual processors may be enough, and ", MEASURE, f" tells: {changes}.")
+            return prose("Fewer virtual processors may be enough. Check with ", MEASURE, f": {changes}.")
         case RelaxationKind.COMBINING:
-            verb = "measure" if len(tunes) > 1 else "measures"
-            return prose("Combining may be enough, and ", tune, f" {verb} it: {changes}.")
+            return prose("Combining components may be enough. Check with ", tune, f": {changes}.")
         case RelaxationKind.MORE_PROCESSORS:
             return prose(
-                f"{changes[:1].upper()}{changes[1:]} may be enough. How much each partition needs there, ",
+                f"{changes[:1].upper()}{changes[1:]} may be enough. Measure the partitions there: ",
                 MEASURE,
-                " tells.",
+                ".",
             )
         case RelaxationKind.CERTAIN:
             return f"{changes}."
@@ -231,8 +225,8 @@ def smaller_host_findings(seen: SeenHost, places: Places) -> Iterator[Diagnostic
     if facts.logical_processors < host.logical_processors:
         yield planning_findings.SMALLER.of_host(
             host.name,
-            "{host} has {has:lp}, and the manifest says {manifest:lp}; planned with what is there.",
-            f"Say `logical_processors: {facts.logical_processors}`.",
+            "{host} has {has:lp}, but the manifest has {manifest:lp}. The plan uses the value of the host.",
+            f"Write `logical_processors: {facts.logical_processors}`.",
             place=places.value("hosts", host.name, "logical_processors"),
             has=facts.logical_processors,
             manifest=host.logical_processors,
@@ -240,8 +234,8 @@ def smaller_host_findings(seen: SeenHost, places: Places) -> Iterator[Diagnostic
     if facts.memory < host.memory:
         yield planning_findings.SMALLER.of_host(
             host.name,
-            "{host} has {_has}, and the manifest says {_says}; planned with what is there.",
-            "Say what it has, or less.",
+            "{host} has {_has}, but the manifest has {_says}. The plan uses the value of the host.",
+            "Write this value, or less.",
             place=places.value("hosts", host.name, "memory"),
             has_memory_bytes=facts.memory,
             manifest_memory_bytes=host.memory,
@@ -253,6 +247,7 @@ def smaller_host_findings(seen: SeenHost, places: Places) -> Iterator[Diagnostic
 def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """Report what a reader should know of where reservations come from."""
     groups = {group.name: group for group in problem.groups}
+    measured: dict[str, list[tuple[tuple[str, ...], LookedUp]]] = {}
     for partition in answer.partitions:
         host = problem.system.hosts[partition.host]
         group = groups[partition.name]
@@ -261,6 +256,10 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
         found = problem.reservations.look_up(group.members, host)
         if isinstance(found, LookedUp):
             yield from remarks_as_findings(found.remarks, places)
+            yield from little_memory(partition.components, partition.settings.memory, found, places)
+            measured.setdefault(host.name, []).append((partition.components, found))
+    for name, found_there in sorted(measured.items()):
+        yield from other_governor(problem.seen[name], found_there, places)
 
 
 def remarks_as_findings(remarks: Iterable[Diagnostic], places: Places) -> Iterator[Diagnostic]:
@@ -268,7 +267,6 @@ def remarks_as_findings(remarks: Iterable[Diagnostic], places: Places) -> Iterat
 
     Args:
         remarks: as a `ReservationSource` makes them.
-        places: lines of the manifest.
 
     Yields:
         A finding for each, at the reserve of its component.
@@ -307,7 +305,7 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
         places.key("application"),
         "The layout reserves {_reserved}, at most {_gap} more than needed, and moves {moves:partition}, of "
         "which at least {moves_bound} must move.",
-        "It fits and may be applied.",
+        "It fits and can be applied.",
         reserved_lp=placement.reserved / 100,
         reserved_bound_lp=placement.reserved_bound / 100,
         moves=placement.moves,
@@ -328,7 +326,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             yield NOT_PROVEN.at(
                 places.key("partitions", partition.name),
                 "{partition} stays on {host}; on {other_host} it would reserve {_best} instead of {_reserved:lp}.",
-                "Allow `--max-disruption removal` if it may be made again there.",
+                "If it may be removed and created again, allow `--max-disruption removal`.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 host=partition.host,

@@ -20,14 +20,14 @@ LONGEST_PERIOD_US, SHORTEST_PERIOD_US = 100_000, 1_000
 """The kernel takes no smaller quota than 1 ms; we take no period outside 1 to 100 ms, its own default."""
 
 _EFFECTS = {
-    Mechanism.SHARE: "a share, for then idle processors serve everybody",
-    Mechanism.QUOTA: "a quota, so that it gets no more where processors are idle",
-    Mechanism.DEADLINE: "a deadline, so that its component's first thread goes before all others",
+    Mechanism.SHARE: "a share, so that idle processors are used",
+    Mechanism.QUOTA: "a quota, so that it never gets more",
+    Mechanism.DEADLINE: "a deadline, so that the first thread of its component runs before all others",
 }
 
 
 def mechanism_of(group: Group, host: Host) -> tuple[Mechanism, str]:
-    """Return how a Linux host keeps the reservation of a partition.
+    """Return the mechanism by which a Linux host keeps the reservation of a partition.
 
     Args:
         group: its own request counts first.
@@ -41,15 +41,12 @@ def mechanism_of(group: Group, host: Host) -> tuple[Mechanism, str]:
     usual = host.settings.mechanism if isinstance(host.settings, LinuxHost) else Mechanism.AUTOMATIC
     wanted = group.request.linux.mechanism or usual
     chosen = Mechanism.SHARE if wanted is Mechanism.AUTOMATIC else wanted
-    source = "chosen by rarms" if wanted is Mechanism.AUTOMATIC else "the manifest says so"
+    source = "chosen by rarms" if wanted is Mechanism.AUTOMATIC else "set in the manifest"
     return chosen, f"kept as {_EFFECTS[chosen]} ({source})"
 
 
 def shortest_apt_ms(group: Group) -> float | None:
     """Find the shortest response time that a partition promises.
-
-    Args:
-        group: its members' thresholds count.
 
     Returns:
         Milliseconds; None: it promises none.
@@ -97,7 +94,7 @@ def deadline_period_us(group: Group, host: Host) -> int | None:
 
 
 def deadline_percent(reserve: int, processors: int) -> int:
-    """Return what the first thread of a partition's component gets, in per cent of one logical processor.
+    """Return the share of the first thread of a partition's component, in per cent of one logical processor.
 
     Args:
         reserve: per cent of each processor of the partition.
@@ -111,13 +108,10 @@ def deadline_percent(reserve: int, processors: int) -> int:
 def cannot_have_deadline(group: Group) -> bool:
     """Tell whether a partition cannot have a deadline: it has several components, or one with a task class.
 
-    Args:
-        group: the partition's members.
-
     Returns:
         True: the kernel would refuse it on each host.
     """
-    return len(group.members) > 1 or bool(group.members[0].task)
+    return len(group.members) > 1 or bool(group.members[0].task_class)
 
 
 def deadline_problems(
@@ -134,11 +128,11 @@ def deadline_problems(
     """
     for partition, group in partitions:
         if len(group.members) > 1:
-            message = f"{partition.name} has {len(group.members)} components, and a deadline is of one thread."
-            yield partition.name, message, "Give each a partition of its own, or use `share` or `quota`."
-        elif group.members[0].task:
-            message = f"{group.members[0].name} has a task class, and a thread has either a deadline or a priority."
-            yield partition.name, message, "Remove `task`, or use `share` or `quota`: they go with task classes."
+            message = f"{partition.name} has {len(group.members)} components, but a deadline applies to one thread."
+            yield partition.name, message, "Give each its own partition, or use `share` or `quota`."
+        elif group.members[0].task_class:
+            message = f"{group.members[0].name} has a task class, but a thread has either a deadline or a priority."
+            yield partition.name, message, "Remove `task`, or use `share` or `quota`, which work with task classes."
     if not partitions:
         return
     name = partitions[0][0].name
@@ -147,7 +141,7 @@ def deadline_problems(
         for partition, _ in partitions
     }
     if not admitted:
-        message = f"The control groups of {host.name} hold only some of its {processors} processors."
+        message = f"The control groups of {host.name} have only some of its {processors} processors."
         message += " The kernel refuses SCHED_DEADLINE to a thread that may not run on all of them."
         yield name, message, "Give the groups all processors (cpuset.cpus), or use `share` or `quota`."
     elif sum(wanted.values()) > admitted * processors:
@@ -188,7 +182,6 @@ def takes_image(generation: int, image: str) -> bool:
 
     Args:
         generation: of the machine; 2 takes no .vhd, and a child has its parent's format.
-        image: its path; empty: none.
 
     Returns:
         False: Hyper-V would refuse it.
@@ -214,7 +207,6 @@ def is_larger_than_node(memory: int, largest_node: int | None) -> bool:
 
     Args:
         memory: of the machine, bytes.
-        largest_node: `State.largest_node` of the host.
 
     Returns:
         Whether Hyper-V would not start it.
@@ -227,7 +219,6 @@ def cannot_be_made(partition: PlacedPartition, host: State) -> bool:
 
     Args:
         switches: names of the host's virtual switches; None: not known.
-        largest_node: `State.largest_node` of the host.
 
     Returns:
         True: the plan could not be made.

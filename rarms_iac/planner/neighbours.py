@@ -29,7 +29,6 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
 
     Args:
         problem: what it answers, with where reservations come from.
-        places: lines of the manifest.
 
     Yields:
         A warning for a component that was measured under steady loads alone, a note for one whose threshold depends on
@@ -49,7 +48,7 @@ def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iter
 
 @dataclass(frozen=True, slots=True)
 class _Surroundings:
-    """Where a component runs."""
+    """The surroundings of a component on its host."""
 
     problem: Problem
     host: Host
@@ -78,9 +77,11 @@ def _member_findings(
     elif tails:
         yield planning_findings.ON_NEIGHBOURS.at(
             places.key("components", member.name, "apt", tails[0]),
-            "{indexes:all} of {component} depends on its neighbours: what {other_partitions:other partition} on {host} "
-            "{_do} within {window_ms:ms} decides it.",
-            prose("Prove it in the layout that is applied: ", command("prove"), "."),
+            (
+                "{indexes:all} of {component} depends on the {other_partitions:other partition} on {host}: "
+                "their work within {window_ms:ms} changes it."
+            ),
+            prose("Prove it in the applied layout: ", command("prove"), "."),
             address=f"component/{member.name}",
             indexes=tuple(tails),
             _do="does" if around.others == 1 else "do",
@@ -99,11 +100,15 @@ def _steady_loads_finding(
         )
     return planning_findings.MEASURED_STEADY.at(
         places.key("components", member.name, "apt", indexes[0]),
-        "{component} was measured under loads that never pause. With partitions that pause, its jobs may "
-        "answer {_late}; {_tails:all} allows less.",
+        (
+            "{component} was measured only under loads that never pause. With partitions that pause, its "
+            "jobs may answer {_late}; {_tails:all} allows less."
+        ),
         prose(
-            "Measure it under bursts, too (`policy.interference`, docs/measuring.md), and see in the layout that is "
-            "applied whether it holds: ",
+            (
+                "Also measure it under bursts (`policy.interference`, docs/measuring.md), and prove it in the "
+                "applied layout: "
+            ),
             command("prove"),
             ".",
         ),
@@ -138,7 +143,7 @@ def _has_steady_loads(group: Group, around: _Surroundings) -> bool:
 
 
 def _work_ms(member: Component, group: Group, partition: PlacedPartition, around: _Surroundings) -> float | None:
-    """Return how long a job works by its reservation; None: it was not measured."""
+    """Return the duration of a job by its reservation; None: it was not measured."""
     answer = around.problem.reservations.look_up(group.members, around.host)
     job_ms = answer.job_ms.get(member.name) if isinstance(answer, LookedUp) else None
     return None if job_ms is None else job_ms / (partition.settings.reserve / 100)

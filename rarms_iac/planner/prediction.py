@@ -81,7 +81,6 @@ def demanded(tasks: Sequence[Task], ticks: int) -> int:
     """Compute the demand bound function: work of jobs that come and are due within so many ticks (Baruah et al. 1990).
 
     Args:
-        tasks: in any order.
         ticks: the length of the run.
 
     Returns:
@@ -142,7 +141,6 @@ def least_budget(tasks: Sequence[Task], period: int) -> int | None:
     """Find the least budget in every period with which the tasks meet their deadlines, earliest deadline first.
 
     Args:
-        tasks: in any order.
         period: of the resource, in ticks.
 
     Returns:

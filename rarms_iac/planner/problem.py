@@ -136,7 +136,7 @@ def system_around(problem: Problem, hosts: Collection[str]) -> System:
 
 
 def _homes(group: Group, problem: Problem) -> set[str]:
-    """Return where the search may place a partition; if its size is unknown, where the manifest allows it."""
+    """Return the hosts on which the search may place a partition; if its size is unknown, those of the manifest."""
     item = next((item for item in problem.items if item.name == group.name and item.claims), None)
     return set(item.claims) if item else {name for name in problem.system.hosts if group.may_run_on(name)}
 
@@ -169,7 +169,7 @@ def _checked_bin(seen: SeenHost, *, has_deadlines: bool) -> Bin:
 
 
 def _checked_claims(group: Group, problem: Problem) -> Mapping[str, Claim]:
-    """Return what a partition claims on the hosts where no check refuses it.
+    """Return a partition's claims on the hosts where no check refuses it.
 
     Where every host is refused, return all of them.
     """
@@ -222,7 +222,7 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
 
 
 def _traits(host: Host) -> Hashable:
-    """Return what of a host, apart from its data logs, decides what a partition gets there."""
+    """Return the facts of a host, apart from its data logs, that decide a partition's settings there."""
     settings = None if isinstance(host.settings, SimulatedHost) else host.settings
     return host.logical_processors, host.provider, settings
 
@@ -252,7 +252,7 @@ def _sizes(
 
 
 def _claims(sizes: Mapping[str, PlacedPartition]) -> Mapping[str, Claim]:
-    """Return what it claims on each host, worked out once for hosts that share a size."""
+    """Return its claims on each host, worked out once for hosts that share a size."""
     distinct = {id(partition): partition for partition in sizes.values()}
     claims = {key: partition.claim for key, partition in distinct.items()}
     return {host: claims[id(partition)] for host, partition in sizes.items()}
@@ -272,9 +272,6 @@ def _item(name: str, claims: Mapping[str, Claim], problem: Problem) -> Item:
 
 def solve(problem: Problem) -> Layout | Infeasible:
     """Find the best layout.
-
-    Args:
-        problem: as `problem_of` makes it.
 
     Returns:
         The layout, one that no check refuses where there is such a one; or that there is none, with the causes that
@@ -331,16 +328,12 @@ def _layout(problem: Problem, packing: Packing) -> Layout:
 
 
 def first_fit_finds_layout(problem: Problem) -> bool:
-    """Say whether first fit finds a layout, however good; if not, there may be one all the same.
-
-    Args:
-        problem: as `problem_of` returns it.
-    """
+    """Say whether first fit finds a layout, however good; if not, there may be one all the same."""
     return not any(_causes(problem)) and can_pack(problem.items, problem.bins, by_first_fit=True) is True
 
 
 def _causes(problem: Problem) -> Iterator[Diagnostic]:
-    """Yield why partitions can be on none of their hosts, in every placement of the others."""
+    """Yield the obstacles of partitions that can be on none of their hosts, in any placement of the others."""
     for group in problem.groups:
         if not problem.claims[group.name]:
             yield from problem.blocked[group.name]

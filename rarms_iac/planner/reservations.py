@@ -1,14 +1,15 @@
 """Where a reservation comes from: what the manifest fixes, or the curves of a data log."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import LookedUp, RecordedAnswer
-from rarms_iac.model.outcomes import ReservationVerdict
+from rarms_iac.model.outcomes import Achievement, ReservationVerdict
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
+from rarms_iac.model.setting import SettingEvidence
 from rarms_iac.model.system import Component, Measured, System
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.verdicts import (
@@ -37,7 +38,7 @@ class ReservationSource(Protocol):
         """
 
     def depends_on(self, host: Host) -> Hashable:
-        """Return what of a host the answers depend on: hosts for which this is equal have the same answers."""
+        """Return the facts of a host that decide the answers: hosts with equal facts have the same answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +133,7 @@ class MeasuredReservations:
         log = decision.log
         if log is None or log.least is None:
             return why_unknown(names, decision, self._logs(members, host), host.platform)
+        logs = self.log_of_each_load(members, host)
         used, cpu_ms = (
             min(log.used or log.processors, log.processors),
             {each.name: log.cpu_ms(each.name) for each in members},
@@ -139,8 +141,11 @@ class MeasuredReservations:
         return LookedUp(
             reservation=LogicalProcessors(max(guaranteed(log.least, log.processors), fixed(members, host))),
             processors=log.processors,
-            remarks=tuple(remark for each in self.log_of_each_load(members, host) for remark in each.remarks),
+            remarks=tuple(remark for each in logs for remark in each.remarks),
+            provisional=decision.verdict.achievement is Achievement.PROVISIONAL,
             job_ms={name: ms / used for name, ms in cpu_ms.items() if ms is not None},
+            governors=governors_in(logs),
+            memory_peak=memory_peak_in(logs),
         )
 
     def depends_on(self, host: Host) -> Hashable:
@@ -178,7 +183,6 @@ class MeasuredReservations:
 
         Args:
             members: all components of the partition, in any order.
-            host: as of `log`.
 
         Returns:
             One log for each load, in the order of the loads; empty: one is missing.
@@ -219,7 +223,7 @@ def record(system: System, reservations: ReservationSource) -> tuple[RecordedAns
     """Look up the measured reservation of each partition on each host that it may be on.
 
     Returns:
-        By partition, one for the hosts that have the same answers; none where there is no answer.
+        By partition, one for the hosts that have the same answers; none without an answer.
     """
     found = []
     for group in filter(depends_on_a_log, groups_of(system)):
@@ -234,11 +238,35 @@ def record(system: System, reservations: ReservationSource) -> tuple[RecordedAns
     return tuple(found)
 
 
+def governors_in(logs: Iterable[MeasuredTogether]) -> tuple[str, ...]:
+    """Return the frequency governors with which the settings of data logs were measured, sorted."""
+    names = {speed.governor for evidence in _evidence(logs) for speed in evidence.speeds}
+    return tuple(sorted(filter(None, names)))
+
+
+def memory_peak_in(logs: Iterable[MeasuredTogether]) -> int:
+    """Return the most memory that the components used at once in the settings of data logs; 0: not counted."""
+    return max((evidence.memory_peak or 0 for evidence in _evidence(logs)), default=0)
+
+
+def _evidence(logs: Iterable[MeasuredTogether]) -> Iterator[SettingEvidence]:
+    for log in logs:
+        for recorded in log.used_records:
+            if recorded.setting.evidence is not None:
+                yield recorded.setting.evidence
+
+
+def provisional_on(
+    system: System, reservations: ReservationSource, host: Host, partitions: Collection[str]
+) -> tuple[str, ...]:
+    """Name those of the partitions of a host whose reservation is of the first pass alone, sorted."""
+    groups = [group for group in groups_of(system) if group.name in partitions and depends_on_a_log(group)]
+    answers = {group.name: reservations.look_up(group.members, host) for group in groups}
+    return tuple(sorted(name for name, found in answers.items() if isinstance(found, LookedUp) and found.provisional))
+
+
 def names_of(members: Iterable[Component]) -> Names:
     """List the members' names as data logs are found by.
-
-    Args:
-        members: in any order.
 
     Returns:
         The names, sorted.

@@ -26,6 +26,7 @@ from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+from rarms_iac.planner.starting import starting_of
 from rarms_iac.planner.verdicts import NotMeasured
 
 LAST = 1
@@ -49,13 +50,13 @@ def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[i
     fixed = limit_in_manifest(group, host, processors)
     if fixed is not None:
         if fixed < reserve:
-            return reserve, "the manifest fixes less than is reserved: a limit below the reservation would break it"
-        return fixed, "the manifest fixes it"
+            return reserve, "the fixed limit is below the reservation, so it is raised to the reservation"
+        return fixed, "fixed in the manifest"
     if reserve and mechanism_of(group, host)[0] is Mechanism.QUOTA:
-        return reserve, "the mechanism is quota: it gets what it reserves and no more"
+        return reserve, "the mechanism is quota, which limits it to its reservation"
     if group.headroom is Headroom.NONE and not group.has_apt and reserve:
-        return reserve, "policy.headroom is none, and no APT was measured that a cap could falsify"
-    why = "a cap would falsify what was measured" if group.has_apt else "no cap is asked for"
+        return reserve, "policy.headroom is none, and it has no measured APT that a limit would change"
+    why = "a limit would make its measurements invalid" if group.has_apt else "no limit is set"
     return OPEN, f"left open: {why}"
 
 
@@ -65,7 +66,6 @@ def limit_in_manifest(group: Group, host: Host, processors: int) -> int | None:
     Args:
         group: the partition's members and requests.
         host: shares of a host are of its logical processors.
-        processors: the partition's virtual processors.
 
     Returns:
         Whole per cent of each virtual processor, at most 100, rounded up; None: the manifest fixes none.
@@ -93,12 +93,12 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
     if host.provider is ProviderKind.LINUX:
         return USUAL_WEIGHT, "Linux shares what is not reserved in proportion to the reservations"
     if group.request.cpu.weight is not None:
-        return group.request.cpu.weight, "the manifest fixes it for the partition"
+        return group.request.cpu.weight, "fixed in the manifest for the partition"
     given, why = _weight_of_policy(group)
     fixed = [(member.cpu.weight, member.name) for member in group.members if member.cpu.weight is not None]
     if len(fixed) == len(group.members) or any(weight > given for weight, _ in fixed):
         weight, name = max(fixed, key=lambda pair: (pair[0], pair[1]))
-        return weight, f"the manifest fixes it for {name}"
+        return weight, f"fixed in the manifest for {name}"
     return given, why
 
 
@@ -112,8 +112,8 @@ def _weight_of_policy(group: Group) -> tuple[int, str]:
             return USUAL_WEIGHT, "policy.headroom is equal: the same for all"
         case Headroom.NONE:
             if group.has_apt:
-                return USUAL_WEIGHT, "policy.headroom is none; not less than it was measured with"
-            return LAST, "policy.headroom is none, and no APT was measured that a low weight could falsify"
+                return USUAL_WEIGHT, "policy.headroom is none; the weight of its measurements"
+            return LAST, "policy.headroom is none, and it has no measured APT that a low weight would change"
         case _:
             assert_never(group.headroom)
 
@@ -134,7 +134,9 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         return wanted.why
     processors = _processors(group, host, reservations)
     reserve = per_virtual_processor(wanted, processors)
-    if cause := _cannot_be_alone(group, host, wanted, processors):
+    starting = starting_of(group, host)
+    largest = wanted if starting is None else max(wanted, starting.reserve)
+    if cause := _cannot_be_alone(group, host, largest, processors):
         return cause
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group, host)
@@ -179,12 +181,12 @@ def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Diagnost
 
 
 def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Diagnostic | None:
-    """Return why a partition of so many LPs and virtual processors does not fit an empty host."""
+    """Return the reason why a partition of so many LPs and virtual processors does not fit an empty host."""
     reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
     if reserve > 100:
         return UNUSABLE_RESERVE.at(
             None,
-            "{partition} reserves {needs:lp}, and {_width} cannot use that: it needs at least {_least}.",
+            "{partition} reserves {needs:lp}, but {_width} cannot use that. It needs at least {_least}.",
             "Give the partition or the component more `processors`, or lower the reserve.",
             address=f"partition/{group.name}",
             partition=group.name,
@@ -196,8 +198,8 @@ def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, proces
     if reserve and processors > host.logical_processors:
         return UNUSABLE_RESERVE.at(
             None,
-            "The {_width} of {partition} are more than the {has_lp} of {host}.",
-            "Lower `processors`, or name a larger host.",
+            "{partition} needs {_width}; {host} has {has_lp}.",
+            "Lower `processors`, or allow a larger host.",
             address=f"partition/{group.name}",
             partition=group.name,
             host=host.name,
@@ -209,7 +211,7 @@ def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, proces
 
 
 def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
-    """Return what a partition is to have reserved on a host, before it is rounded."""
+    """Return a partition's wanted reservation on a host, before it is rounded."""
     own = group.request.cpu.reserve
     if not (isinstance(own, Measured) or own is None):
         return in_processors(own, host.logical_processors)
@@ -218,7 +220,7 @@ def wanted_reserve(group: Group, host: Host, reservations: ReservationSource) ->
 
 
 def _processors(group: Group, host: Host, reservations: ReservationSource) -> int:
-    """Return what the manifest fixes, else what was measured, else the host's."""
+    """Return the manifest's number, else the measured one, else the host's."""
     found = processor_number(group.members, group.request.processors, host.logical_processors)
     if found.source is ProcessorSource.MANIFEST:
         return found.number

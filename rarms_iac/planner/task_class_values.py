@@ -20,7 +20,7 @@ _NOTHING_ABOVE = 32  # and not next to any class: the highest is 26
 
 
 class Cost(NamedTuple):
-    """What a choice is weighed by, the gravest first; numbers of classes."""
+    """The cost of a choice, the gravest part first; numbers of classes."""
 
     out_of_order: int = 0  # not below all more critical ones, or left out so that others can be
     against: int = 0  # in High, or out of Medium in spite of a fixed priority, where the manifest does not say so
@@ -105,8 +105,8 @@ def _with_level(
 ) -> tuple[int, _ChosenValues]:
     """Return the lowest thread that the next level must stay below, and the choice with one level more.
 
-    Each class takes its best value from the floor to below the ceiling; one elsewhere is out of order, and is no such
-    thread.
+    Each class takes its best value from the floor to below the ceiling; a value elsewhere is out of order, and
+    its thread is not one of these.
     """
     picks = [min(each, key=lambda option: _weight(option, ceiling, floor)) for each in options]
     cost = choice.cost
@@ -174,8 +174,8 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
         if width >= processors:
             break
         for task_users in level:
-            assert task_users[0].task is not None, "who names no class wants all"
-            found[task_users[0].task.lower()] = _last_bits(width, processors)
+            assert task_users[0].task_class is not None, "who names no class wants all"
+            found[task_users[0].task_class.lower()] = _last_bits(width, processors)
     return found
 
 
@@ -185,11 +185,11 @@ def criticality_of(users: Sequence[Component]) -> int:
 
 
 def _usable_processors(users: Sequence[Component], processors: int) -> int:
-    """Return how many processors all components of a class can use at once.
+    """Return the number of processors that all components of a class can use at once.
 
     It is all processors where a component has an APT, or no class, or does not say how many it uses.
     """
-    if any(user.apt or user.task is None or user.processors is None for user in users):
+    if any(user.apt or user.task_class is None or user.processors is None for user in users):
         return processors
     return sum(user.processors or 0 for user in users)
 

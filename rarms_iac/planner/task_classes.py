@@ -21,6 +21,14 @@ CLOCK_RATE = 10_000
 GPU_PRIORITY = 8
 """Not used by Windows; what its own classes say."""
 
+MOST_BUDGET = 90
+"""The most of each processor, in per cent, that a control group of version 1 gets as its real-time budget."""
+
+
+def budget_percent(reserve: int) -> int:
+    """Return the real-time budget of a partition with task classes, in per cent of each processor, from its reserve."""
+    return min(reserve, MOST_BUDGET)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassValues:
@@ -73,10 +81,10 @@ def classes_of(
     named: dict[str, list[Component]] = {}
     nameless: list[list[Component]] = []  # of no class: they are kept to nothing, and may use any processor
     for component in components:
-        if component.task is None:
+        if component.task_class is None:
             nameless.append([component])
         else:
-            named.setdefault(component.task.lower(), []).append(component)
+            named.setdefault(component.task_class.lower(), []).append(component)
     fixed = {name.lower(): request for name, request in requests.items()}
     by_weight = sorted(named.values(), key=lambda users: (-criticality_of(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
@@ -88,7 +96,7 @@ def classes_of(
 
 def _called(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> str:
     """Return the class's name as `tasks` writes it, or as its first user by name does."""
-    first = min(users, key=lambda user: user.name).task
+    first = min(users, key=lambda user: user.name).task_class
     assert first is not None
     return fixed[first.lower()].name if first.lower() in fixed else first
 
@@ -132,8 +140,10 @@ def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -
                 places.key("components", upper.user),
                 "In {_where}, {upper} (criticality {upper_criticality}) runs at {upper_priority}, not above {lower} "
                 "(criticality {lower_criticality}) at {lower_priority}.",
-                "No values keep all these classes in order (Windows ignores the priority in High): leave categories "
-                "and priorities open, or let components of similar criticality share a class.",
+                (
+                    "No values keep all these classes in order, because Windows ignores the priority in High. Do "
+                    "not fix categories and priorities, or let components of similar criticality share a class."
+                ),
                 address=_address(inside, upper.name),
                 **_pair_facts(upper, worst, inside),
             )
@@ -162,12 +172,17 @@ def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Ite
 def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
     upper, lower = pairs[0]
     more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
-    raised = "was seen to raise some threads" if lower.thread_priority >= REAL_TIME else "may raise threads that wake"
+    raised = "raised some threads" if lower.thread_priority >= REAL_TIME else "may raise threads when they wake"
     return NEIGHBOURS.at(
         places.key("components", upper.user),
-        "In {_where}, {upper} runs at {upper_priority} and {lower} at {lower_priority}: Windows {_raised} by one, and "
-        "then the two meet{_more}.",
-        "Nothing, if that can be borne. Eight criticalities in one operating system leave room between them.",
+        (
+            "In {_where}, {upper} runs at {upper_priority} and {lower} at {lower_priority}. Windows "
+            "{_raised} by one, so that both have the same priority{_more}."
+        ),
+        (
+            "If this is acceptable, no action is needed. With at most eight criticalities in one operating "
+            "system, there is room between the priorities."
+        ),
         address=_address(inside, upper.name),
         _raised=raised,
         _more=more,
@@ -178,16 +193,20 @@ def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: s
 def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
     upper, lower = pairs[0]
     others = {class_values.name for _, class_values in pairs} - {lower.name}
-    more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
+    first = f"{', '.join([lower.name, *sorted(others)])} {'run' if others else 'runs'} first"
     return NEIGHBOURS.at(
         places.key("components", lower.user),
-        "In {_where}, {lower} (criticality {lower_criticality}) runs at {lower_priority} in category Low, which MMCSS "
-        "never lowers. While it lowers {upper} (criticality {upper_criticality}), which used its share, {lower} goes "
-        "first{_more}.",
-        "Nothing, if that can be borne: it is the time that SystemResponsiveness keeps for everybody else. "
-        "Four criticalities in one operating system all find room in Medium.",
+        (
+            "In {_where}, {lower} (criticality {lower_criticality}) runs at {lower_priority} in category "
+            "Low, which MMCSS never lowers. When {upper} (criticality {upper_criticality}) has used its "
+            "share, MMCSS lowers it and {_first}."
+        ),
+        (
+            "If this is acceptable, no action is needed: it is the time that SystemResponsiveness leaves to "
+            "other threads. Up to four criticalities in one operating system all fit in Medium."
+        ),
         address=_address(inside, lower.name),
-        _more=more,
+        _first=first,
         **_pair_facts(upper, lower, inside),
     )
 
@@ -213,7 +232,7 @@ def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
     """Write a class as its whole registry key, with types; the booleans are text (windows.md 6.1).
 
     `Background Only` is always true: otherwise threads would depend on which window has the focus (windows.md 6.2), and
-    that is no order of criticalities.
+    that is not an order of criticalities.
 
     Returns:
         By name of the value, in alphabetical order.

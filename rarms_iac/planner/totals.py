@@ -16,7 +16,7 @@ from rarms_iac.planner.reservations import ReservationSource
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedTotals:
-    """Where each partition is counted, and the totals of each host by its name."""
+    """The place where each partition counts, and the totals of each host by its name."""
 
     partitions: tuple[PlacedPartition, ...]
     hosts: Mapping[str, HostTotals]
@@ -43,7 +43,6 @@ def totals_by_host(
     """Add up what each host of the manifest promises to the partitions that are placed there, and to others.
 
     Args:
-        partitions: each once.
         states: the hosts that were looked at, by name.
 
     Returns:
@@ -65,7 +64,7 @@ def _placement_of(problem: Problem) -> tuple[PlacedPartition, ...]:
 
 
 def hosts_without_layout(problem: Problem) -> Mapping[str, str]:
-    """Return the host that each partition counts on where there is no layout.
+    """Return the host that each partition counts on without a layout.
 
     A partition with a choice takes what those without one leave; if no host has room for it, it counts on the first.
 

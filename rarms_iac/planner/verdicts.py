@@ -14,12 +14,12 @@ from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, comma
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, worst
-from rarms_iac.model.quantities import guaranteed, show_processors
+from rarms_iac.model.quantities import ReservePercent, guaranteed, show_processors
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.statistics.curves import Curve, highest_missed, least_reserve
-from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.log import DataLog, Recorded
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -29,7 +29,7 @@ Names = tuple[str, ...]
 class NotMeasured:
     """There is no answer for these components, and why."""
 
-    interference: str = ""  # the load whose data log is missing or does not hold; empty: there is no load to name
+    interference: str = ""  # the load whose data log is missing or does not hold; empty: no load to name
     why: Diagnostic  # without a place
 
 
@@ -43,7 +43,7 @@ def not_measured(
     load: str = "",
     **facts: Given,
 ) -> NotMeasured:
-    """Return why the reservation of components on a platform is not known, at the first of them.
+    """Return the reason for an unknown reservation on a platform, at the first of the components.
 
     A partition whose reserve is fixed has no such component.
     """
@@ -54,8 +54,8 @@ def not_measured(
 
 def without_log(components: Names, platform: str) -> NotMeasured:
     """Report that no data log has the reservation of these components."""
-    template = "The reservation of {components:each} on platform {platform} is to be measured, and no data log has it."
-    advice = "Fix it with `cpu: { reserve: ... }`, or measure it first."
+    template = "The reservation of {components:each} is not measured on platform {platform}."
+    advice = "Measure it first, or fix it with `cpu: { reserve: ... }`."
     return not_measured(planning_findings.UNMEASURED, components, platform, template, advice)
 
 
@@ -69,7 +69,10 @@ class MeasuredTogether:
     measured: tuple[int, ...]  # the CRs that were measured, ascending
     least: int | None = None  # the least CR that is enough with every load, as `decide` found it; None: none is
     curves: Callable[[str, str], Curve]  # by component and index
+    estimated: ReservePercent | None = None  # the least CR that is enough by estimates; None: no first pass, or none is
+    looks: int = 0  # settings of the first pass
     records: DataLog  # that the curves are of
+    used_records: tuple[Recorded, ...] = ()  # that its answer is of; of the first pass, too, where none is shown
     others: int = 0  # settings in the same file that were measured under other conditions, and do not count
     remarks: tuple[Diagnostic, ...] = ()  # as of `LookedUp`
     again: RecommendedCommand = MEASURE  # what measures it
@@ -108,7 +111,8 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
 
     A threshold is met if a measured reservation is enough with each load. It is missed if it is missed with one load at
     the highest reservation that was measured with that load. All other thresholds are open. If no measured reservation
-    meets all thresholds at once, thresholds that are met one by one are open.
+    meets all thresholds at once, thresholds that are met one by one are open. Where not all are met and
+    none is missed, the estimates of the first pass give a provisional answer.
 
     Args:
         logs: the data log of each load, or the reason why it does not count, in the order of the loads.
@@ -119,7 +123,14 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
     apts = [(member.name, index, threshold) for member in members for index, threshold in member.apt.items()]
     known = [log for log in logs if isinstance(log, MeasuredTogether) and log.measured]
     missing = tuple(log.interference for log in logs if log not in known)
-    if not known or any(_is_unusable(log) for log in logs):
+    if any(_is_unusable(log) for log in logs):
+        return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
+    decision = _decide_measured(apts, known, missing)
+    return decision if decision.verdict.achievement is Achievement.MET else _provisional(apts, logs, decision)
+
+
+def _decide_measured(apts: Sequence[Apt], known: Sequence[MeasuredTogether], missing: Names) -> Decision:
+    if not known:
         return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
     answers = [least_reserve((log.curves(name, index), threshold) for name, index, threshold in apts) for log in known]
     least = answers[hardest(answers)]
@@ -135,6 +146,27 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
         ]
     verdict = _verdict(achievements, missing, decisive.interference, least)
     return Decision(verdict=verdict, log=replace(decisive, least=verdict.reserve))
+
+
+def _provisional(apts: Sequence[Apt], logs: Sequence[LogOfLoad], decision: Decision) -> Decision:
+    """Decide by the estimates of the first pass where verdicts do not decide; as before where there are none.
+
+    A load with verdicts that show a reservation counts with this one. A threshold that was shown to be missed stays so.
+    """
+    if any(each.achievement is Achievement.MISSED for each in decision.verdict.thresholds):
+        return decision
+    known = [log for log in logs if isinstance(log, MeasuredTogether)]
+    shown = [least_reserve((log.curves(name, index), threshold) for name, index, threshold in apts) for log in known]
+    answers = [log.estimated if least is None else least for log, least in zip(known, shown, strict=True)]
+    found = [answer for answer in answers if answer is not None]
+    unmet = [log for log, answer in zip(known, answers, strict=True) if answer is None]
+    if not any(log.estimated is not None for log in known) or any(log.measured or log.looks for log in unmet):
+        return decision
+    least = max(found)
+    decisive = known[answers.index(least)]
+    achievements = [(apt, Achievement.PROVISIONAL) for apt in apts]
+    verdict = _verdict(achievements, decision.verdict.not_measured, decisive.interference, least)
+    return Decision(verdict=verdict, log=replace(decisive, least=least))
 
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
@@ -191,7 +223,6 @@ def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], pla
     Args:
         names: the components of the partition that have to be measured.
         decision: its verdict is not `MET`.
-        logs: as of `decide`.
 
     Returns:
         The reason with the log's path, and advice.
@@ -202,6 +233,7 @@ def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], pla
     log = decision.log
     if log is None or not decision.verdict.thresholds:
         empty = [log for log in logs if isinstance(log, MeasuredTogether)]
+        empty.sort(key=lambda log: not log.looks or log.estimated is not None)  # first what missed in the first pass
         return _no_setting(names, empty[0]) if empty else next(iter(unmeasured), without_log(names, platform))
     if decision.verdict.achievement is Achievement.UNMEASURED:
         return _more_loads(names, decision.verdict, log)
@@ -209,11 +241,14 @@ def why_unknown(names: Names, decision: Decision, logs: Sequence[LogOfLoad], pla
 
 
 def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
+    template = "{log}: no setting of the first pass meets the thresholds."
+    if not log.looks:
+        template = "{log} does not have a setting with {_processors} yet."
     return not_measured(
         planning_findings.NOT_MET,
         names,
         log.records.header.platform,
-        "{log} has no setting with {_processors} yet.",
+        template,
         prose("Measure it: ", log.again, "."),
         log=log.path,
         highest_percent=0,
@@ -230,12 +265,15 @@ def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether
         planning_findings.UNMEASURED,
         names,
         log.records.header.platform,
-        "{components:all} needs {_so_far} with {_load}, and is not measured with {loads_not_measured:all} yet. "
-        "The reservation must be enough with each load of `policy.interference`.",
+        (
+            "{components:all} needs {_so_far} with {_load} and is not measured with "
+            "{loads_not_measured:all} yet. A reservation must be enough with each load of "
+            "`policy.interference`."
+        ),
         prose(
             "Measure the other loads: ",
             log.again,
-            f". Or reserve at least that for now: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
+            f". Or fix at least this for now: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
         ),
         log=log.path,
         needs_lp_so_far=float(so_far),
@@ -254,10 +292,11 @@ def _not_met(
     component, index = named[0]
     several = sum(each.component == component for each in verdict.thresholds) > 1
     select = command("select", component, at="LEVEL", index=several and index)
-    relax = prose("Relax the threshold (", select, " says which level holds), ")
+    relax = prose("Relax the threshold (", select, " shows the levels that can be met), ")
     if verdict.achievement is Achievement.OPEN:
         template = (
-            "{log}: at {highest_percent:%} of its VPs it is not shown yet whether {_indexes} meets its threshold."
+            "{log}: at {highest_percent:%} of its VPs the samples do not show yet whether {_indexes} meets "
+            "its threshold."
         )
         advice = prose(
             "More samples may show it. ",
@@ -266,10 +305,10 @@ def _not_met(
         )
     elif highest < WHOLE:
         template = "No setting of {log} meets {_indexes}: the highest is {_settings}."
-        advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
+        advice = prose(relax, "or measure higher settings, if the host can give them: ", log.again, ".")
     else:
         template = "No setting of {log} meets {_indexes}, not even with all of its VPs."
-        advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
+        advice = prose(relax, "make the component cheaper, or use a faster platform.")
     return not_measured(
         planning_findings.NOT_MET,
         names,

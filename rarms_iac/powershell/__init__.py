@@ -1,6 +1,6 @@
 """Generated PowerShell.
 
-In: a host's part of a plan. Out: scripts as bytes, ASCII with CRLF. Begin at `render.render_scripts`: `pieces` turns a
-step into guarded pieces, `literals` is the one way for a value into a script and checks that PowerShell can read it,
-`templates` has what is fixed, and `comparison` tells how the steps of two plans differ.
+In: the steps of a run on a host. Out: scripts as bytes, ASCII with CRLF. Begin at `render.render_scripts`: `pieces`
+turns a step into guarded pieces, `literals` is the one way for a value into a script and checks that PowerShell can
+read it, `templates` has what is fixed, and `comparison` tells how the steps of two plans differ.
 """

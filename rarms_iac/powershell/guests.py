@@ -12,14 +12,14 @@ from rarms_iac.model.system import Disruption
 from rarms_iac.powershell.literals import literal
 from rarms_iac.powershell.pieces import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls
 
-LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
+LOST = "restores the values of the class from before rarms"
 
 
 def step_of(task: GuestTask) -> Step:
     """Return the step that people are shown; it claims no state, so its readings are empty."""
     return Step(
         address=task.address,
-        title=f"write the class {task.name}, and keep what was there before",
+        title=f"write the class {task.name}, and save its earlier values",
         operation=WriteTaskClass(task=task.name, inside=task.partition, values=task.values),
         before={},
         after={},
@@ -27,7 +27,9 @@ def step_of(task: GuestTask) -> Step:
         disruption=Disruption.PARTITION_STOP,
         claim_before=Claim(),
         claim_after=Claim(),
-        comment="what the guest holds is not known here: its own record decides; threads see it when it restarts",
+        comment=(
+            "the values in the guest are not known, so its record decides; it takes effect when the guest restarts"
+        ),
         place=task.place,
     )
 
@@ -64,7 +66,7 @@ def back(task: GuestTask, application: str) -> ScriptPiece:
     whose = {"Task": literal(task.name), "Application": literal(application)}
     return ScriptPiece(
         address=str(task.address),
-        action=f"bring back what {task.name} was before rarms",
+        action=f"restore the values of {task.name} from before rarms",
         read=call("Get-GuestTaskClassReading", **whose, Replace=literal(task.replace)),
         before={"taken": False, **_recorded(task, application)},
         after={"record": "", "set": "", **NO_EMPTY_KEYS},

@@ -67,7 +67,7 @@ def _joined(text: str) -> Literal:
     try:
         units = [unit for (unit,) in iter_unpack("<H", text.encode("utf-16-le"))]
     except UnicodeEncodeError as problem:
-        raise NoLiteral(text, f"character {problem.start} is half a surrogate pair, which is no text") from None
+        raise NoLiteral(text, f"character {problem.start} is half a surrogate pair, which is not text") from None
     parts = ["''"]
     for plain, run in groupby(units, key=lambda unit: 0x20 <= unit <= 0x7E):
         parts.extend(_parts(plain, list(run)))
@@ -96,7 +96,7 @@ def parser() -> "Parser":
     return Parser(Language(language()))
 
 
-LINE_END = "the line does not end with CR LF, as rarms wrote it"
+LINE_END = "the line does not end with CR LF"
 
 
 def unreadable(script: bytes, name: str) -> tuple[Diagnostic, ...]:
@@ -111,7 +111,7 @@ def unreadable(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     other = (
         "Save it with Windows line ends (CR LF)" if problem == LINE_END else "Change the manifest instead of the script"
     )
-    advice = prose(f"{other}, or write it again: ", again, ".")
+    advice = prose(f"{other}, or write the script again: ", again, ".")
     place = Place(file=name, line=line, column=1)
     return (UNREADABLE.at(place, "{reason}.", advice, script=name, reason=problem),)
 
@@ -134,7 +134,7 @@ def _problem_in_grammar(script: bytes) -> tuple[int, str] | None:
     return wrong.start_point.row + 1, f"PowerShell's grammar cannot read {quoted(text, 40)}" if text else _LACKS
 
 
-_LACKS = "PowerShell's grammar wants more here"
+_LACKS = "PowerShell's grammar needs more text here"
 
 
 def error_in(node: "Node") -> "Node | None":

@@ -70,9 +70,9 @@ def render_measuring(
             f"Computer {remark(facts.computer_name)}.",
             *(f"Makes {shape.name} from {remark(settings.image or '')}." for shape in shapes),
             *(f"Runs {_title(work)} inside {work.partition}." for work in works),
-            "However it ends, it removes the test partitions and their disks." if works else removal,
+            "At the end, also after an error, it removes the test partitions and their disks." if works else removal,
         ),
-        "usage": "Shows what it would make; without -WhatIf it measures: rarms says which setting is next."
+        "usage": "Shows what it would create. Without -WhatIf it measures the settings that rarms sends."
         if works
         else removal,
         "notes": (),
@@ -80,6 +80,7 @@ def render_measuring(
         "entry": MEASURING_ENTRY,
         "impact": "Medium",
         "plan": lines,
+        "unasked": ("A preview ends before it calls one of these.",),
         "module": module_text(ScriptForm.SINGLE, MEASURING_ENTRY),
     }
     return fill("script.ps1.j2", values)
@@ -139,7 +140,7 @@ def _work(work: GuestWork) -> str:
     return "    " + call(
         "Add-GuestWork",
         Partition=literal(work.partition),
-        Credential=literal(work.credential),
+        Logon=literal(work.credential),
         Name=literal(work.name),
         Kind=literal(work.kind),
         Program=literal(work.words[0]),
@@ -155,9 +156,6 @@ def _work(work: GuestWork) -> str:
 
 def command_line(words: Sequence[str]) -> str:
     """Join a program's arguments as Windows programs take them apart again (CommandLineToArgvW).
-
-    Args:
-        words: without the program itself.
 
     Returns:
         One line of text.

@@ -66,10 +66,19 @@ def clustered(piece: ScriptPiece) -> ScriptPiece:
     return replace(piece, read=f"{piece.read} -Clustered") if piece.read.startswith(f"{READER} -Machine") else piece
 
 
-def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
-    """Return the piece with a last call that updates the cluster's copy of the machine's configuration."""
-    update = call("FailoverClusters\\Update-ClusterVirtualMachineConfiguration", VMId=literal(machine))
-    return replace(piece, calls=(*piece.calls, update), sets=(*piece.sets, ()) if piece.sets else ())
+def cluster_piece(address: str, machine: str) -> ScriptPiece:
+    """Return the piece that updates a cluster's copy of a machine's configuration: due once a step changed the machine.
+
+    It is a step of its own, so that a run that ended right before it makes it when it goes on.
+    """
+    return ScriptPiece(
+        address=f"{address}/cluster",
+        action="update the cluster's copy of its configuration",
+        read=call("Get-ClusterReading"),
+        before={"updated": False},
+        after={"updated": True},
+        calls=(call("FailoverClusters\\Update-ClusterVirtualMachineConfiguration", VMId=literal(machine)),),
+    )
 
 
 def join_pieces(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
@@ -88,7 +97,7 @@ def join_pieces(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
     actions = [part.action for part in (piece, following) if not _is_known_mark(part)]
     return replace(
         piece,
-        action="give it all its settings, and its name last" if is_new else "; ".join(actions) or piece.action,
+        action="set all its settings, and its name last" if is_new else "; ".join(actions) or piece.action,
         before={**made, **piece.before},
         after={**piece.after, **following.after},
         calls=tuple(call for call, _ in calls),
@@ -124,7 +133,7 @@ def block_of(piece: ScriptPiece) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewFiles:
-    """Where the files of a machine lie that a plan makes: whole paths, as its scripts hold them."""
+    """The whole paths of the files of a machine that a plan makes."""
 
     plan: str  # its id, which pending names and names of disks hold
     disk_folder: str  # of the host, where a partition says nothing else
@@ -140,7 +149,9 @@ class NewFiles:
             NoLiteral: the host did not tell its folder.
         """
         if not (creation.vm_path or self.disk_folder):
-            raise NoLiteral(creation.partition, "its host did not tell where it puts disks, and no folder is said")
+            raise NoLiteral(
+                creation.partition, "the host did not report its folder for disks, and `hyperv.path` is not set"
+            )
         return operations.disk_path(creation, self.plan, self.disk_folder)
 
 
@@ -150,7 +161,7 @@ def pieces_of(step: Step, files: NewFiles) -> tuple[ScriptPiece, ...]:
         case operations.CreatePartition() as creation:
             return _creation_pieces(step, creation, files)
         case operations.RestorePartition(partition=partition):
-            raise NoLiteral(partition, "a machine of Hyper-V is not made again")
+            raise NoLiteral(partition, "a Hyper-V machine cannot be created again")
         case operations.RemoveDisk() as removal:
             return (_disk_removal_piece(str(step.address), step.title, literal(removal.path), removal.parent),)
         case operation:
@@ -165,7 +176,7 @@ def _disk_removal_piece(address: str, action: str, path: Literal, parent: str) -
         read=call("Get-DiskReading", Path=path, Parent=literal(parent), Everywhere=""),
         before={"exists": True, "child": True, "used": False},
         after={"exists": False},
-        calls=(call("Remove-DiskFile", Path=path),),
+        calls=(call("Remove-Item", LiteralPath=path),),
     )
 
 
@@ -175,6 +186,8 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
         calls = _task_calls(step, operation)
     else:
         calls = _machine_calls(operation)
+        if step.wait_ms:
+            calls = (call("Wait-Start", Milliseconds=literal(step.wait_ms)), *calls)
     return ScriptPiece(
         address=str(step.address),
         action=step.title,
@@ -182,7 +195,7 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
         before={**step.before, **(_FREE if names_pending else {})},
         after={**step.after, **(NO_EMPTY_KEYS if isinstance(operation, _CLEARING) else {})},
         calls=calls,
-        joins=isinstance(operation, _JOINING),
+        joins=isinstance(operation, _JOINING) and step.wait_ms is None,
     )
 
 
@@ -196,13 +209,13 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition, files
     )
     pieces = [machine]
     if creation.image:
-        action = f"delete the disk that grows out of {creation.image}"
+        action = f"delete the disk that is a child of {creation.image}"
         pieces.append(_disk_removal_piece(f"{step.address}/disk", action, path, creation.image))
     if creation.vm_path:
         pieces.append(
             ScriptPiece(
                 address=f"{step.address}/folder",
-                action="remove its folders, where they are empty",
+                action="remove its empty folders",
                 read=call("Get-FolderReading", **_folders(creation, files)),
                 before={},
                 after={"folders": 0},
@@ -324,7 +337,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, files: Ne
     made.append(piece(f"memory static, {write_bytes(creation.memory)}", {}, static, _set_call(Facet.MEMORY, static)))
     if not creation.switch:
         removal = call("Hyper-V\\Remove-VMNetworkAdapter", VM=VM)  # Hyper-V gives one to every new machine
-        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, removal))
+        made.append(piece("remove its network adapter", {"adapters": 1}, {"adapters": 0}, removal))
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
     if creation.vm_path:
@@ -398,7 +411,7 @@ def _new_disk(address: str, creation: operations.CreatePartition, path: str) -> 
     folder = literal(operations.partition_folder(creation, creation.partition)) if creation.vm_path else ""
     return ScriptPiece(
         address=address,
-        action=f"make a disk that grows out of {creation.image}",
+        action=f"create a disk that is a child of {creation.image}",
         read=call("Get-DiskReading", Path=path, Parent=parent),
         before={"exists": False},
         after={"exists": True, "child": True},

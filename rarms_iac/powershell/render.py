@@ -1,6 +1,6 @@
-"""A host's plan as scripts: what a reviewer reads, an operator can run, and `rarms apply` runs.
+"""What a run does on a host, as scripts: what a reviewer reads, an operator can run, and `rarms apply` runs.
 
-One script an operating system: the host's own, and one for each guest whose task classes the plan writes.
+One script an operating system: the host's own, and one for each guest whose task classes the run writes.
 """
 
 import hashlib
@@ -12,11 +12,10 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.facets import Readings
-from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operation_effects import describe_stop, reversal
 from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Step, owner_of
+from rarms_iac.model.plan import GuestTask, HostSteps, RunIdentity, Step, owner_of
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
@@ -26,7 +25,7 @@ from rarms_iac.powershell.pieces import (
     ScriptPiece,
     block_of,
     capacity_call,
-    cluster_updated,
+    cluster_piece,
     clustered,
     creation_undo_pieces,
     join_pieces,
@@ -47,15 +46,15 @@ from rarms_iac.powershell.templates import (
     ScriptForm,
     StepText,
     TargetText,
-    as_script,
     fact_lines,
     fill,
     impact_of,
     module_digests,
+    module_section,
     module_text,
-    template_text,
 )
 from rarms_iac.storage.marks import foreign_values
+from rarms_iac.texts.plans import describe_stop, reversal_title
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
@@ -68,7 +67,7 @@ _TITLES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _GuardedPiece:
-    """A step of a script: what it does, and the plan's steps that it stands for, at least one.
+    """A step of a script: what it does, and the steps of the run that it stands for, at least one.
 
     `undoes`: the number of the apply script's step that it undoes; `lost`: of the one that removes its machine.
     """
@@ -77,46 +76,47 @@ class _GuardedPiece:
     steps: tuple[Step, ...]
     undoes: int | None = None
     lost: int | None = None
+    is_added: bool = False  # the plan has no step for it: it goes with the one that it names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Target:
-    """One operating system of a plan, which has a script and an undo script."""
+    """One operating system of a host, which has a script and an undo script."""
 
-    host_plan: HostPlan
-    plan: Plan
+    on: HostSteps
+    run: RunIdentity
     inside: str  # a partition, for its guest; empty: the host's own
 
     def name(self, *, undo: bool = False) -> str:
-        return script_name(self.host_plan, self.inside, undo=undo)
+        return script_name(self.on, self.inside, undo=undo)
 
     @property
     def steps(self) -> list[Step]:
-        return [step for step in self.host_plan.steps if _inside(step) == self.inside]
+        return [step for step in self.on.steps if _inside(step) == self.inside]
 
     @property
     def unseen_tasks(self) -> list[GuestTask]:
         """Return the task classes of a guest that could not be observed."""
-        return [task for task in self.host_plan.guest_tasks or () if task.partition == self.inside]
+        return [task for task in self.on.guest_tasks or () if task.partition == self.inside]
 
     @property
     def files(self) -> NewFiles:
-        return NewFiles(plan=self.plan.id, disk_folder=self.host_plan.facts.disk_folder)
+        return NewFiles(plan=self.run.id, disk_folder=self.on.facts.disk_folder)
 
 
-def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) -> str:
+def script_name(on: HostSteps, inside: str = "", *, undo: bool = False) -> str:
     """Return `onboard.ps1`, `onboard.guest.vision.ps1` or `onboard.undo.ps1`."""
     guest = f".guest.{inside}" if inside else ""
-    return f"{host_plan.host.name}{guest}{'.undo' if undo else ''}.ps1"
+    return f"{on.host.name}{guest}{'.undo' if undo else ''}.ps1"
 
 
-def insides(host_plan: HostPlan) -> tuple[str, ...]:
-    """Return where a plan changes something: empty for the host itself, then partitions by name for their guests."""
-    unseen = {task.partition for task in host_plan.guest_tasks or ()}
-    return tuple(sorted({_inside(step) for step in host_plan.steps} | unseen))
+def insides(on: HostSteps) -> tuple[str, ...]:
+    """Return the systems that a run changes: empty for the host itself, then partitions by name for their guests."""
+    unseen = {task.partition for task in on.guest_tasks or ()}
+    return tuple(sorted({_inside(step) for step in on.steps} | unseen))
 
 
-def render_scripts(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
+def render_scripts(on: HostSteps, run: RunIdentity, form: ScriptForm = ScriptForm.MODULE) -> Mapping[str, bytes]:
     """Return the scripts of a host by file name, each with its undo script.
 
     A plan exists on a host with the root scheduler where that was accepted or no reserve is wanted: they run there.
@@ -125,43 +125,43 @@ def render_scripts(host_plan: HostPlan, plan: Plan, form: ScriptForm = ScriptFor
         NoLiteral: a value cannot be written into a script.
     """
     scripts: dict[str, bytes] = {}
-    for inside in insides(host_plan):
-        target = _Target(host_plan=host_plan, plan=plan, inside=inside)
+    for inside in insides(on):
+        target = _Target(on=on, run=run, inside=inside)
         undo = _fill(target, _steps_back(target), form)
         scripts |= {target.name(): _fill(target, _steps_there(target), form, undo), target.name(undo=True): undo}
     return dict(sorted(scripts.items()))
 
 
-def script_steps(host_plan: HostPlan, plan: Plan, inside: str, *, undo: bool) -> tuple[ScriptPiece, ...]:
+def script_steps(on: HostSteps, run: RunIdentity, inside: str, *, undo: bool) -> tuple[ScriptPiece, ...]:
     """Return the steps of one of a host's scripts, in their order.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    target = _Target(host_plan=host_plan, plan=plan, inside=inside)
+    target = _Target(on=on, run=run, inside=inside)
     return tuple(guarded.piece for guarded in (_steps_back if undo else _steps_there)(target))
 
 
 def _steps_there(target: _Target) -> list[_GuardedPiece]:
     if tasks := target.unseen_tasks:
-        application = target.plan.application
+        application = target.run.application
         return [_GuardedPiece(piece=forward(task, application), steps=(step_of(task),)) for task in tasks]
-    return _clustered(_forward(target), target.host_plan)
+    return _forward(target)
 
 
 def _steps_back(target: _Target) -> list[_GuardedPiece]:
-    """Return the steps that take the plan's back, the last one first."""
+    """Return the steps that undo those of the run, the last one first."""
     if tasks := target.unseen_tasks:
         return [
             _GuardedPiece(piece=piece, steps=(replace(step_of(task), title=piece.action),), undoes=undoes)
             for undoes, task in reversed([*enumerate(tasks)])
-            for piece in [back(task, target.plan.application)]
+            for piece in [back(task, target.run.application)]
         ]
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
     for number, done in enumerate(_forward(target)):
         for step in done.steps:
             first.setdefault(id(step), (number, step))
-    changes = target.host_plan.changes_by_address
+    changes = target.on.changes_by_address
     steps: list[_GuardedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
@@ -169,22 +169,22 @@ def _steps_back(target: _Target) -> list[_GuardedPiece]:
             lost[step.address] = undoes
         if step.undo.operation is None or isinstance(step.undo.operation, RestorePartition):
             continue
-        reversed_step = reversal(step, changes)
-        if isinstance(reversed_step.operation, StopPartition):
-            how = describe_stop(reversed_step.operation.grace_ms, forces=True)
-            reversed_step = replace(reversed_step, title=f"{reversed_step.title} ({how})")
+        title = reversal_title(step, changes)
+        if isinstance(step.undo.operation, StopPartition):
+            title += f" ({describe_stop(step.undo.operation.grace_ms, forces=True)})"
+        reversed_step = step.reversed(title)
         if isinstance(step.operation, CreatePartition):
             pieces = creation_undo_pieces(reversed_step, step.operation, target.files)
         else:
             pieces = pieces_of(reversed_step, target.files)
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(reversed_step,), undoes=undoes, lost=gone) for piece in pieces)
-    return _clustered(_joined(steps), target.host_plan)
+    return _clustered(_joined(steps), target.on)
 
 
 def render_observe() -> bytes:
     """Return the read-only script that prints the state of a host as one JSON document."""
-    return as_script(template_text("observe.ps1"))
+    return fill("observe.ps1.j2", {"shared": module_section("shared")})
 
 
 def _inside(step: Step) -> str:
@@ -192,26 +192,30 @@ def _inside(step: Step) -> str:
 
 
 def _forward(target: _Target) -> list[_GuardedPiece]:
-    return _joined(
+    pieces = (
         _GuardedPiece(piece=piece, steps=(step,)) for step in target.steps for piece in pieces_of(step, target.files)
     )
+    return _clustered(_joined(pieces), target.on)
 
 
-def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_GuardedPiece]:
-    """Return the steps; those of a failover cluster's machine end with an update of the cluster."""
+def _clustered(steps: Sequence[_GuardedPiece], on: HostSteps) -> list[_GuardedPiece]:
+    """Return the steps; behind the last one of a failover cluster's machine the cluster is updated."""
     machines = {
         change.address.machine.lower()
-        for change in host_plan.changes
+        for change in on.changes
         if isinstance(change.before, Partition) and Tie.CLUSTER in change.before.ties
     }
     last = {step.piece.address: at for at, step in enumerate(steps)}
-    made = []
+    made: list[_GuardedPiece] = []
     for at, step in enumerate(steps):
         machine = step.steps[0].address.machine.lower()
-        piece = clustered(step.piece) if machine in machines else step.piece
-        if machine in machines and at == last[step.piece.address]:
-            piece = cluster_updated(piece, machine)
-        made.append(replace(step, piece=piece))
+        if machine not in machines:
+            made.append(step)
+            continue
+        made.append(replace(step, piece=clustered(step.piece)))
+        if at == last[step.piece.address]:
+            update = cluster_piece(step.piece.address, machine)
+            made.append(_GuardedPiece(piece=update, steps=step.steps[-1:], is_added=True))
     return made
 
 
@@ -234,14 +238,14 @@ def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
 
 def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, undo: bytes = b"") -> bytes:
     """Return the script of these steps; `undo` is the one that undoes them, empty for an undo script."""
-    host_plan, inside, kind = target.host_plan, target.inside, RunKind.APPLY if undo else RunKind.UNDO
+    on, inside, kind = target.on, target.inside, RunKind.APPLY if undo else RunKind.UNDO
     undo_digest = hashlib.sha256(undo).hexdigest() if undo else ""
     run = {
         "Run": literal(kind.value),
         "Guest": literal(_machine_of_guest(target, steps)),
         "Undo": literal(target.name(undo=True) if undo else ""),
         "UndoDigest": literal(undo_digest),
-        "AcceptScheduler": literal(host_plan.facts.scheduler is SchedulerType.ROOT),
+        "AcceptScheduler": literal(on.facts.scheduler is SchedulerType.ROOT),
         **_run(target),
     }
     if inside or not undo:  # neither asks what the host has to give
@@ -254,7 +258,8 @@ def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, und
         "facts": fact_lines(run),
         "entry": ENTRY,
         "impact": impact_of(call for step in steps for call in step.piece.calls),
-        "plan": list(plan_lines(_blocks(kind, host_plan, steps))),
+        "plan": list(plan_lines(_blocks(kind, on, steps))),
+        "unasked": () if form is ScriptForm.MODULE else ("Test-Wanted asks once before each step.",),
         "module": module_text(form),
     }
     return fill("script.ps1.j2", values)
@@ -262,7 +267,7 @@ def _fill(target: _Target, steps: Sequence[_GuardedPiece], form: ScriptForm, und
 
 def _machine_of_guest(target: _Target, steps: Iterable[_GuardedPiece]) -> str:
     """Return the id of a guest script's machine, or its name if the plan makes it; empty for the host."""
-    made = {step.address.partition for step in target.host_plan.steps if isinstance(step.operation, CreatePartition)}
+    made = {step.address.partition for step in target.on.steps if isinstance(step.operation, CreatePartition)}
     ids = (step.steps[0].address.machine.lower() for step in steps)
     inside = target.inside
     return inside if not inside or inside in made else next(filter(None, ids), inside)
@@ -270,14 +275,14 @@ def _machine_of_guest(target: _Target, steps: Iterable[_GuardedPiece]) -> str:
 
 def _run(target: _Target) -> dict[str, str]:
     """Return the facts of the run that a script and its undo have in common."""
-    plan, facts = target.plan, target.host_plan.facts
-    capacity = capacity_of(target.host_plan.host, facts)
+    run, facts = target.run, target.on.facts
+    capacity = capacity_of(target.on.host, facts)
     return {
-        "Purpose": literal(plan.purpose.value),
-        "Plan": literal(plan.id),
-        "Application": literal(plan.application),
-        "Robot": literal(plan.robot),
-        "Serial": literal(target.host_plan.serial),
+        "Purpose": literal(run.purpose.value),
+        "Plan": literal(run.id),
+        "Application": literal(run.application),
+        "Robot": literal(run.robot),
+        "Serial": literal(target.on.serial),
         "Identity": literal(facts.id),
         "Computer": literal(facts.computer_name),
         "LogicalProcessors": literal(facts.logical_processors),
@@ -290,12 +295,14 @@ def _run(target: _Target) -> dict[str, str]:
 
 def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digests: str) -> dict[str, object]:
     """Return the help that `Get-Help` shows of the script."""
-    host_plan, plan, inside = target.host_plan, target.plan, target.inside
+    on, run, inside = target.on, target.run, target.inside
     system = f"the guest of partition {inside} on " if inside else ""
-    system += f"host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}"
+    if on.facts.provider is ProviderKind.SIMULATED:
+        system += "the simulated "  # its script can be read, and fits no computer
+    system += f"host {on.host.name} of {run.manifest}, computer {on.facts.computer_name}"
     undo = target.name(undo=True)
-    planned = [step for guarded in steps for step in guarded.steps]
-    table = machine_table(planned, host_plan.changes, target.files)
+    planned = [step for guarded in steps if not guarded.is_added for step in guarded.steps]
+    table = machine_table(planned, on.changes, target.files)
     made = {step.address for step in planned if isinstance(step.operation, CreatePartition)}
     lost = {owner_of(step) for guarded in steps if guarded.lost is not None for step in guarded.steps}
     others = change_table((step for step in planned if not table or step.address not in made), lost)
@@ -303,27 +310,27 @@ def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digest
     changed = target.steps or planned
     risk, calls = summary_lines([guarded.piece for guarded in steps]) if steps else ("", "")
     return {
-        "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
+        "synopsis": _help(f"{_TITLES[kind]}: plan {run.id} of application {run.application}, for {system}."),
         "description": [
             *filter(None, (risk,)),
             *map(_inside_help, table),
             *map(_inside_help, others),
             *((duration_line(planned), calls) if steps else ()),
             *map(_help, not_undone_lines(changed)),
-            *map(_help, _foreign_lines(host_plan, planned) if kind is RunKind.UNDO else ()),
+            *map(_help, _foreign_lines(on, planned) if kind is RunKind.UNDO else ()),
         ],
-        "usage": f"Shows what it would do; without -WhatIf it does it. Undo it with .\\{undo}, next to it."
+        "usage": (f"Shows what it would do; without -WhatIf it does it. To undo it, run .\\{undo} in the same folder.")
         if kind is RunKind.APPLY
-        else "Shows what it would do; without -WhatIf it undoes what was done, the last step first.",
+        else "Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.",
         "notes": [
-            _help(f"Manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}. {digests}"),
-            *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in plan.accepted),
+            _help(f"Manifest {run.manifest_digest[:12]}, rarms {run.rarms_version}. {digests}"),
+            *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in run.accepted),
         ],
     }
 
 
-def _foreign_lines(host_plan: HostPlan, steps: Iterable[Step]) -> tuple[str, ...]:
-    changes = host_plan.changes_by_address
+def _foreign_lines(on: HostSteps, steps: Iterable[Step]) -> tuple[str, ...]:
+    changes = on.changes_by_address
     undone = dict.fromkeys(step.address for step in steps)
     return foreign_lines(foreign_values(changes[address] for address in undone if address in changes))
 
@@ -338,9 +345,9 @@ def _inside_help(text: str) -> str:
     return text.replace("#>", "# >")
 
 
-def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[PlanBlock]:
+def _blocks(kind: RunKind, on: HostSteps, steps: Sequence[_GuardedPiece]) -> Iterable[PlanBlock]:
     """Return the steps of each partition or task class as blocks; the first block and a start have a reason."""
-    reasons = {str(change.address): change.reason.message for change in host_plan.changes}
+    reasons = {str(change.address): change.reason.message for change in on.changes}
     owners: set[str] = set()
     for owner, neighbours in groupby(steps, key=_block_owner):
         pieces = list(neighbours)
@@ -349,7 +356,7 @@ def _blocks(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) 
         if owner[0] not in owners:
             reason = reasons.get(str(first.address)) or first.comment
             if kind is RunKind.UNDO:
-                reason = "undoes what the apply script did to it, the last step first"
+                reason = "undoes the steps of the apply script, the last one first"
         elif owner[1]:
             reason = pieces[0].piece.action  # starts come last, behind the steps of other partitions
         yield PlanBlock(
@@ -412,7 +419,7 @@ def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:
         yield "Undoes", literal(guarded.undoes)
     if guarded.lost is not None:
         yield "Lost", literal(guarded.lost)
-    if guarded.undoes is None and first.claim_before.is_less_than(last.claim_after):
+    if guarded.undoes is None and not guarded.is_added and first.claim_before.is_less_than(last.claim_after):
         yield "Fits", "{ " + capacity_call(last) + " }"
 
 

@@ -83,8 +83,8 @@ def _table(alike: Sequence[PlanBlock]) -> Iterator[str]:
         names.append(columns.get(values))
     first = alike[0]
     abouts = {block.reason or block.action for block in alike}
-    about = abouts.pop() if len(abouts) == 1 else "as each row says"
-    yield from _banner(first, f"{first.owner} and {len(alike) - 1} more alike: {about}")
+    about = abouts.pop() if len(abouts) == 1 else "with the values of each row"
+    yield from _banner(first, f"{first.owner} and {len(alike) - 1} more: {about}")
     rows = [{name: values[at] for values, name in columns.items()} for at in range(len(alike))]
     yield from table_lines(rows, [remark(block.place) for block in alike])
     remaining = iter(names)

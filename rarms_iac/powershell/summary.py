@@ -21,11 +21,11 @@ from rarms_iac.model.wording import counted, natural_order, remark
 from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
 from rarms_iac.storage.marks import ForeignValue
 
-_MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-DiskFile"
-_REMOVED_CLASS = "Remove-TaskClass"
+_MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-Item"
+_REMOVED_CLASS, _WAITS = "Remove-TaskClass", "Wait-Start"
 _PARTITION, _TASK = "partition/", "/task/"
 
-NOT_MADE_AGAIN = "the machine is not made again"  # by a script: a simulated host makes it again
+NOT_MADE_AGAIN = "the machine cannot be created again"  # by a script: a simulated host makes it again
 NOT_UNDONE = "Not undone"
 """Begins the lines of a head that say what cannot be undone."""
 FOREIGN = "Not set by rarms"
@@ -63,7 +63,7 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
         f"{counted(deleted, 'disk') if deleted else 'nothing'} deleted",
         *([f"task classes: {len(classes - gone)} changed, {len(gone)} removed"] if classes else []),
     ]
-    names = Counter(name for _, name in calls)
+    names = Counter(name for _, name in calls if name != _WAITS)
     call_counts = ", ".join(f"{name} {number}" for name, number in sorted(names.items()))
     risk = "; ".join(parts if of_machines else [*parts[2:], "no machine is stopped or changed"])
     return f"{risk}.", f"Only these calls change something (and how often): {call_counts}."
@@ -72,10 +72,12 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
 def duration_line(steps: Sequence[Step]) -> str:
     """Say how long a script may take: what its calls take is the host's affair, what it waits for is not."""
     graces = [step.operation.grace_ms for step in steps if isinstance(step.operation, StopPartition)]
-    waits = [f"{_seconds(sum(graces))} s at most while guests stop, one after another"] if any(graces) else []
+    waits = [f"at most {_seconds(sum(graces))} s while guests stop, one after another"] if any(graces) else []
+    if started := sum(step.wait_ms or 0 for step in steps):
+        waits.append(f"{_seconds(started)} s while machines start, one after another")
     if any(step.address.partition and not step.address.task for step in steps):
-        waits.append(f"{_LAST_LOOK_S} s at most at the end, where a guest restarts just then")
-    return f"Time: some seconds a call. It waits {'; '.join(waits) or 'for no guest'}."
+        waits.append(f"at most {_LAST_LOOK_S} s at the end, if a guest is just restarting")
+    return f"Time: a few seconds for each call. It waits {'; '.join(waits) or 'for no guest'}."
 
 
 def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:
@@ -112,7 +114,7 @@ def change_table(steps: Iterable[Step], lost: Collection[str] = ()) -> tuple[str
     in_order = sorted(steps, key=lambda step: natural_order(_row_name(step)))
     rows = [_change_row(name, tuple(own), lost=name in lost) for name, own in groupby(in_order, key=_row_name)]
     columns = 3 if any(off for _, _, off in rows) else 2
-    titles = [("name", "what is done", "off")] if len(rows) > 1 or columns > 2 else []
+    titles = [("name", "the running step", "off")] if len(rows) > 1 or columns > 2 else []
     return _table([row[:columns] for row in (*titles, *rows)]) if rows else ()
 
 
@@ -128,29 +130,26 @@ def _change_row(name: str, steps: Sequence[Step], *, lost: bool) -> tuple[str, s
     changes = [step.title for step in steps if not isinstance(step.operation, _TOLD_BY_A_WORD)]
     started = ["started"] if StartPartition in kinds else []
     done = "; ".join([*words, *changes, *started] or [step.title for step in steps])
-    done += ", if the run ended before it was removed" if lost else ""
+    done += ", if the run ended before the machine was removed" if lost else ""
     return name, done, _off(stops[0].grace_ms, starts=bool(started)) if stops else ""
 
 
 def _off(grace_ms: int, *, starts: bool) -> str:
     """Return the time from stop to start; how long the guest needs to start is not known here."""
     if starts:
-        return "until it has started" + (f", {_seconds(grace_ms)} s at most to stop" if grace_ms else "")
-    return "for good, " + (f"after {_seconds(grace_ms)} s at most" if grace_ms else "at once")
+        return "until it has started" + (f", at most {_seconds(grace_ms)} s to stop" if grace_ms else "")
+    return "for good, " + (f"after at most {_seconds(grace_ms)} s" if grace_ms else "at once")
 
 
 def _seconds(milliseconds: int) -> int:
     return ceil(milliseconds / 1000)
 
 
-_COLUMNS = ("machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start")
+_COLUMNS = ("machine", "processors", "reserve", "weight", "memory", "disk", "switch", "secure boot", "start")
 
 
 def machine_table(steps: Sequence[Step], changes: Iterable[Change], files: NewFiles) -> tuple[str, ...]:
     """Tell what the machines are that a script makes.
-
-    Args:
-        files: where their disks lie.
 
     Returns:
         A line of titles and one for each machine, in the order in which they are made; nothing where none is.
@@ -180,9 +179,10 @@ def _row(creation: CreatePartition, settings: PartitionSettings, files: NewFiles
         creation.partition,
         str(settings.processors),
         f"{show_lp_percent(settings.reserve * settings.processors)} ({settings.reserve} % of each)",
+        str(settings.weight),
         show_bytes(settings.memory),
         disk,
         creation.switch or "none",
-        creation.secure_boot or "as made",
+        creation.secure_boot or "default",
         settings.start_action.value.replace("_", " "),
     )

@@ -98,7 +98,7 @@ def fact_lines(run: Mapping[str, str]) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetText:
-    """What the steps behind it are about: a literal, and the call that reads it."""
+    """The target of the steps behind it: a literal, and the call that reads it."""
 
     address: str
     reading: str
@@ -201,16 +201,16 @@ NEW_MODULE = "$rarms = New-Module -Name Rarms -ScriptBlock {"
 
 MODULE_FOLDER = "Rarms"
 MODULE_FILES = (f"{MODULE_FOLDER}.psd1", f"{MODULE_FOLDER}.psm1")
-"""The files of the module, in a folder beside a script."""
+"""The files of the module, in a folder next to a script."""
 
 MEASURING_PARTS = ("test_partitions", "runner", "measuring")
 """What a script that measures has behind the module's own functions."""
 
 
 class ScriptForm(Enum):
-    """Where the functions are that a script calls."""
+    """The place of the functions that a script calls."""
 
-    MODULE = auto()  # in the folder Rarms beside it
+    MODULE = auto()  # in the folder Rarms next to it
     SINGLE = auto()  # in the script itself
 
 
@@ -254,10 +254,15 @@ def module_text(form: ScriptForm, entry: str = ENTRY) -> str:
     return text.replace("\r\n", "\n").rstrip("\n")
 
 
-def receiver_text() -> str:
-    """Return the module's last section, with LF: it takes scripts from standard input and runs the first."""
+def module_section(name: str) -> str:
+    """Return the functions of a section of the module, with LF: those that another script has, too."""
     module = template_text(f"{MODULE_FOLDER}/{MODULE_FILES[1]}")
-    return module.partition("# === receiver: ")[2].partition("\n")[2].rstrip()
+    return module.partition(f"\n# === {name}: ")[2].partition("\n")[2].partition("\n# === ")[0].rstrip()
+
+
+def receiver_text() -> str:
+    """Return the functions that take scripts from standard input and run the first, with LF."""
+    return "\n\n".join(map(module_section, ("shared", "receiver")))
 
 
 def part_text(name: str) -> str:
@@ -266,12 +271,12 @@ def part_text(name: str) -> str:
 
 
 LOSING = frozenset(
-    {"Stop-Partition", "Remove-VM", "Remove-DiskFile", "Remove-TaskClass", "Restore-TaskClass"},
+    {"Stop-Partition", "Remove-VM", "Remove-Item", "Remove-TaskClass", "Restore-TaskClass"},
 )
 """Calls that stop, remove or delete what was there."""
 
 
 def impact_of(calls: Iterable[str]) -> str:
-    """Return what PowerShell asks a user before a script does these calls, if `$ConfirmPreference` is not above it."""
+    """Return PowerShell's question before a script does these calls, if `$ConfirmPreference` is not above it."""
     names = {call.partition(" ")[0].rpartition("\\")[2] for call in calls}
     return "Medium" if LOSING.isdisjoint(names) else "High"

@@ -27,15 +27,15 @@ from types import TracebackType
 from typing import Protocol
 
 from rarms_iac.model.host import Connect
-from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.providers.interface import HostFailed, HostUnreachable
 from rarms_iac.storage.reading import STATE_LIMIT
+from rarms_iac.texts.messages import last_words, reason_of
 
 CONTROL_PERSIST = "60s"
 """How long a shared connection outlives the last one that used it."""
 SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
 CONNECT_SECONDS = 60.0
-LOOK_AT_OUTPUT = "Look at what the host prints for each command of this user."
+LOOK_AT_OUTPUT = "Check what the host prints at the start of each command of this user."
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
 ERROR_SECONDS = 1.0  # for what it said last to be read; a program that it started may keep the pipe open for ever
@@ -56,7 +56,7 @@ class Conversation(Protocol):
         """The last lines of its standard error."""
 
     def send(self, data: bytes) -> None:
-        """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
+        """Write to its standard input, after everything sent before. A program that does not read is not an error."""
 
     def close(self) -> None:
         """End its standard input, where the way can."""
@@ -70,6 +70,17 @@ class Conversation(Protocol):
 
     def code(self) -> int | None:
         """Return its exit code, once its output has ended: None where it lives on, `SSH_FAILED` where the way broke."""
+
+
+def as_text(line: bytes) -> str:
+    """Return a line in UTF-8, or else in the code page of a console of Windows, which most of its programs use.
+
+    On Windows that is this computer's own code page; elsewhere 850, since the host's is not known.
+    """
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("oem" if sys.platform == "win32" else "cp850", "replace")
 
 
 class QueuedConversation:
@@ -93,7 +104,10 @@ class QueuedConversation:
                 if time.monotonic() >= until:
                     raise SilenceTimeout from None
                 continue
-            return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
+            if line is None:
+                self._lines.put(None)  # for whoever asks again
+                return None
+            return as_text(line).rstrip("\r\n")
 
 
 class Channel(QueuedConversation):
@@ -153,7 +167,7 @@ class Channel(QueuedConversation):
         assert self._process.stderr is not None, "it was started with a pipe"
         with self._process.stderr as pipe:
             while line := pipe.readline(LONGEST_LINE):
-                if text := line.decode("utf-8", "replace").strip():
+                if text := as_text(line).strip():
                     self._errors.append(text)
 
     def _write(self) -> None:
@@ -216,14 +230,22 @@ def _quoted(value: str | int) -> str:
     return f'"{value}"' if " " in str(value) else str(value)
 
 
-def open_channel(host: str, words: Sequence[str]) -> Channel:
+class WayChannel(Channel):
+    """A `Channel` with a program, such as ssh, that leads elsewhere. Where a signal ends it, the way broke."""
+
+    def code(self) -> int | None:
+        code = super().code()
+        return SSH_FAILED if code is not None and code < 0 else code
+
+
+def open_channel(host: str, words: Sequence[str], kind: type[Channel] = Channel) -> Channel:
     """Start a program that leads to a host.
 
     Raises:
         HostUnreachable: it cannot be started.
     """
     try:
-        return Channel(words)
+        return kind(words)
     except OSError as error:
         message = f"{words[0]} cannot be started: {reason_of(error)}"
         raise HostUnreachable(host, message, f"Install {words[0]}, or correct its rights.") from None
@@ -234,7 +256,7 @@ def no_look() -> None:
 
 
 def look_for_stop(should_stop: Callable[[], bool], stop: Callable[[], None]) -> Callable[[], None]:
-    """Return what to call while a line is waited for: it stops once, when it should."""
+    """Return a function to call while a line is waited for: it stops once, when it should."""
     has_stopped = False
 
     def look() -> None:
@@ -249,7 +271,7 @@ def look_for_stop(should_stop: Callable[[], bool], stop: Callable[[], None]) -> 
 def not_reached(host: str, target: str, error: str, way: str = "ssh") -> HostUnreachable:
     """Return the error of a host (its name in the manifest) to which a way, ssh or WinRM, does not lead."""
     by_hand = f"ssh -o BatchMode=yes {target}" if way == "ssh" else f"Test-WSMan -UseSSL -ComputerName {target}"
-    advice = f"Try it by hand, as rarms does, without questions: `{by_hand}`."
+    advice = f"Try it by hand: `{by_hand}`."
     return HostUnreachable(host, f"{way} does not reach {target}: {error}", advice)
 
 
@@ -264,7 +286,6 @@ def await_line(
 
     Args:
         is_wanted: whether a line is that line.
-        look: called while waiting.
 
     Returns:
         The line; None: what was started there ended before.
@@ -282,7 +303,7 @@ def await_line(
             if is_wanted(line):
                 return line
         else:
-            message = f"{channel.target} printed {_NOISE_LINES:,} lines and did not start what it was asked for"
+            message = f"{channel.target} printed {_NOISE_LINES:,} lines and did not start the command"
             raise HostFailed(host, message, LOOK_AT_OUTPUT)
     except SilenceTimeout:
         raise not_reached(host, channel.target, f"no answer within {CONNECT_SECONDS:.0f} s", way) from None
@@ -333,8 +354,8 @@ def one_command_only(host: str) -> HostFailed:
     """Return the refusal to talk with what runs on a host, through a channel that runs one command."""
     return HostFailed(
         host,
-        "measuring talks with the host all the while, and the channel to it runs one command at a time",
-        "Measure where rarms runs on the host itself, or reaches it by ssh of its own.",
+        "measuring needs a continuous connection to the host, but its channel runs one command at a time",
+        "Run rarms on the host itself, or connect to it with ssh.",
     )
 
 
@@ -395,10 +416,12 @@ class LiveChannel(ABC):
                     lines.append(line)
                     size += len(line)
                     if size > STATE_LIMIT:
-                        message = f"the answer of {self.target} is not of rarms: it has more than {STATE_LIMIT:,} bytes"
+                        message = (
+                            f"the answer of {self.target} is not from rarms: it has more than {STATE_LIMIT:,} bytes"
+                        )
                         raise HostFailed(self.host, message, LOOK_AT_OUTPUT)
             except SilenceTimeout:
-                raise self._broken(f"it said nothing for {silence_s:.0f} s") from None
+                raise self._broken(f"no output for {silence_s:.0f} s") from None
             code = program.code()
             if code is None:
                 raise self._broken("it does not end")
@@ -416,7 +439,7 @@ class ProgramChannel(LiveChannel):
     words: tuple[str, ...]
 
     def open(self, command: str) -> Channel:
-        return open_channel(self.host, (*self.words, command))
+        return open_channel(self.host, (*self.words, command), WayChannel)
 
 
 def ssh_channel(host: str, connect: Connect) -> ProgramChannel:

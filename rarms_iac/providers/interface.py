@@ -14,8 +14,8 @@ from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import last_words
 from rarms_iac.storage.codec import Json
+from rarms_iac.texts.messages import last_words
 
 
 class HostError(Exception):
@@ -48,7 +48,7 @@ class HostLocked(HostError):
     """Another run holds the host."""
 
     def __init__(self, host: str, owner: str) -> None:
-        super().__init__(host, f"it is held by {owner}", "Wait for it, or give --lock-timeout.")
+        super().__init__(host, f"it is locked by {owner}", "Wait for it, or give --lock-timeout.")
         self.owner = owner
 
 
@@ -175,7 +175,7 @@ class StepwiseHost(HoldableHost, Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptBundle:
-    """Scripts as they are sent to a host: what runs, and what must lie beside it."""
+    """Scripts as they are sent to a host: what runs, and what must lie next to it."""
 
     runs: str  # file name, one of `files`
     files: Mapping[str, str]  # name -> text, to the byte
@@ -246,7 +246,7 @@ class ScriptLost:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitLimits:
-    """How long a run waits: for a host that another run holds, and for a script that says nothing."""
+    """The longest waits of a run: for a host that another run holds, and for a script that says nothing."""
 
     lock_ms: int = 0
     silence_ms: int = 600_000
@@ -267,7 +267,7 @@ class EventListener(Protocol):
         """
 
     def on_output(self, line: str) -> None:
-        """Take a line of the script's output that is no event, without its line end."""
+        """Take a line of the script's output that is not an event, without its line end."""
 
     def should_stop(self) -> bool:
         """Return whether the script should end before its next step; asked a few times a second.
@@ -305,7 +305,7 @@ class ScriptedHost(ReadableHost, Protocol):
         """Have the host run these bytes and no others.
 
         Args:
-            script: the script that runs, and those that must lie beside it.
+            script: the script that runs, and those that must lie next to it.
             waits: how long to wait for a held host, and for a silent script.
             listener: told each event, and asked whether to stop.
             abandoning: whether the script only closes its unfinished run.
@@ -323,7 +323,7 @@ class RecordableHost(Protocol):
     """A host whose observation is stored as it is printed, because it holds more than a State."""
 
     def recorded(self) -> bytes:
-        """Return what the observe script printed, as `--snapshot` reads it.
+        """Return the output of the observe script, as `--snapshot` reads it.
 
         Returns:
             UTF-8 text.

@@ -12,16 +12,17 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarte
 from rarms_iac.model.operations import CreatePartition, RestorePartition
 from rarms_iac.model.plan import Scope, wrong_name
 from rarms_iac.model.state import Partition, State
-from rarms_iac.model.wording import quoted, reason_of
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.records import Damaged, Record, first_in, last_in, records_in, sealed_line
 from rarms_iac.storage.writing import Locked, append, hold, read_holder, replace
+from rarms_iac.texts.messages import reason_of
 
 T = TypeVar("T")
-PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
+PLAN_AGAIN = prose("Check the host again: ", PLAN, ".")
 
 
 class LocalFiles:
@@ -126,7 +127,7 @@ class JournaledHost:
         machine = operation.machine if isinstance(operation, RestorePartition) else None
         is_taken = any(partition.id == machine for partition in state.partitions)
         if is_taken or resolve(state.partitions, operation.partition, scope):
-            raise HostRefused(self.name, f"there is a partition {operation.partition} already", PLAN_AGAIN)
+            raise HostRefused(self.name, f"a partition {operation.partition} exists already", PLAN_AGAIN)
 
     def _serials(self) -> Mapping[str, int]:
         with report_damage(self.name, self._journal_path):
@@ -136,7 +137,7 @@ class JournaledHost:
 @contextmanager
 def report_damage(host: str, path: Path) -> Iterator[None]:
     """Raise `HostDamaged` where a host's file (`path`) is damaged, `HostFailed` where it cannot be read."""
-    advice = f"Restore {path} from a copy, or move it away to go on without it."
+    advice = f"Restore {path} from a copy, or move it away to continue without it."
     try:
         yield
     except Damaged as problem:
@@ -157,7 +158,7 @@ def report_failure(host: str, path: Path) -> Iterator[None]:
         raise HostLocked(host, locked.owner) from None
     except OSError as problem:
         message = f"{path} cannot be written: {reason_of(problem)}"
-        raise HostFailed(host, message, advice_on(problem, "Look at its disk, which may be full or damaged.")) from None
+        raise HostFailed(host, message, advice_on(problem, "Check its disk, which may be full or damaged.")) from None
 
 
 def journal_in(data: bytes | None, path: Path) -> Journal | None:
@@ -214,7 +215,7 @@ def _check(run: Journal) -> None:
 
 
 def _serials_in(data: bytes | None, path: Path) -> Mapping[str, int]:
-    """Return how many applies and undos there were, by application: the first record has it.
+    """Return the number of applies and undos by application, which the first record has.
 
     Raises:
         Damaged: that record is damaged.

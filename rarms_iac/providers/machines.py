@@ -106,15 +106,15 @@ def lack_of_memory(wanted: PartitionSettings, others: Iterable[PartitionSettings
         return ""
     free = max(0, memory - taken)
     needed, room = show_bytes(wanted.memory, free), show_bytes(free, wanted.memory)
-    return f"{wanted.name} needs {needed}, and of {show_bytes(memory)} {room} are free"
+    return f"{wanted.name} needs {needed}; {room} of {show_bytes(memory)} are free"
 
 
 def lack_of_processors(wanted: PartitionSettings, available: int, *, fits: bool) -> str:
     """Describe why a reserve has no room on so many logical processors, where what runs leaves it none."""
     if wanted.processors > available:
-        return f"{wanted.name} has {wanted.processors} processors with a reserve, and the host has {available}"
+        return f"{wanted.name} has {wanted.processors} processors with a reserve; the host has {available}"
     reserve = f"the reserve of {wanted.name}, {wanted.reserve} % of each of {wanted.processors} processors,"
-    return "" if fits else f"{reserve} does not fit {available} logical processors with what runs"
+    return "" if fits else f"{reserve} does not fit on {available} logical processors with the running machines"
 
 
 def write_mark(notes: str, mark: Mark) -> str:
@@ -157,7 +157,7 @@ def _judged(partition: Partition, notes: str, own: Mark | None, carriers: Counte
     if own is None:
         return replace(partition, other_notes=others, foreign_mark=_why_foreign(notes))
     if (count := carriers[own.application, own.name]) > 1:
-        why = f"the mark of {own.application}/{own.name} stands on {count} machines"
+        why = f"{count} machines have the mark of {own.application}/{own.name}"
         return replace(partition, other_notes=others, foreign_mark=why)
     return replace(partition, mark=own, other_notes=others)
 
@@ -165,11 +165,11 @@ def _judged(partition: Partition, notes: str, own: Mark | None, carriers: Counte
 def _why_foreign(notes: str) -> str:
     marks, others = _split_notes(notes)
     if len(marks) > 1:
-        return f"its notes hold {len(marks)} marks"
+        return f"its notes have {len(marks)} marks"
     if marks:
         return f"its mark names another machine ({marks[0].machine}): the machine was copied or imported"
     if any(_LOOKS_LIKE_ONE.match(line) for line in others.split("\n")):
-        return "a line of its notes begins like a mark and is none"
+        return "a line of its notes begins like a mark but is not valid"
     return ""
 
 

@@ -23,13 +23,13 @@ from rarms_iac.providers.interface import HostRefused, ReadableHost, ScriptedHos
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Why a host cannot run a component or a load, and what to do."""
+    """The reason why a host cannot run a component or a load, with advice."""
 
     reason: str  # follows its name
     advice: Wording
 
 
-NO_RUN = Obstacle("it has no `run`", "Write how it is started.")
+NO_RUN = Obstacle("it has no `run`", "Add a `run` with a command.")
 """On every host that runs real components."""
 
 
@@ -63,7 +63,6 @@ class RemainingSamples:
 
         Args:
             work: with the `until` of its components.
-            now_ms: as `RunningWork.elapsed_ms` tells it.
         """
         until = work.until.values()
         times = [float(end.time) for end in until if isinstance(end, Elapsed)]
@@ -103,7 +102,7 @@ class RunningWork(Protocol):
         May be called between two samples. What begins so takes a while to settle.
 
         Returns:
-            False: there is no such load, or this host cannot.
+            False: no such load, or this host cannot.
         """
 
     def elapsed_ms(self) -> float:
@@ -133,7 +132,7 @@ class RunningWork(Protocol):
         """
 
     def evidence(self) -> SettingEvidence | None:
-        """Return what the host counted since `count_from_now`.
+        """Return the host's counts since `count_from_now`.
 
         Returns:
             None: it counts nothing, because nothing can disturb it.
@@ -151,8 +150,8 @@ def running_partition(state: State, partition: str, application: str) -> Partiti
     """
     found = resolve(state.partitions, partition, Scope(application=application, plan=""))
     if len(found) != 1 or not found[0].settings.running:
-        advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-        raise HostRefused(state.facts.name, f"no partition {partition} of {application} runs", advice)
+        advice = prose("Show the changes with ", PLAN, ", and apply them with ", APPLY, ".")
+        raise HostRefused(state.facts.name, f"the partition {partition} of {application} is not running", advice)
     return found[0]
 
 

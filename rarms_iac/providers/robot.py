@@ -67,7 +67,7 @@ _MISSING = 69  # exit code of the entry command where this version is not instal
 
 
 def entry_command(version: str = __version__) -> str:
-    """Return what a channel runs: rarms of this version as root, or a list of the versions that are there.
+    """Return the command for a channel: rarms of this version as root, or a list of the versions that are there.
 
     No text of a manifest is in it.
 
@@ -162,7 +162,7 @@ class EndedThere(HostError):
 
     def __init__(self, host: str, failure: Failure) -> None:
         reasons = [f"{each.summary} ({each.code})" for each in failure.findings]
-        super().__init__(host, "; ".join(reasons) or "it stopped, as asked", "")
+        super().__init__(host, "; ".join(reasons) or "it stopped on request", "")
         self.outcome = failure.outcome
         self.findings = failure.findings
 
@@ -235,7 +235,7 @@ class RobotByChannel:
         data = line_of(request)
         if len(data) > LINE_LIMIT:
             message = f"the request to it has {len(data):,} bytes, and at most {LINE_LIMIT:,} are sent"
-            raise HostFailed(self.name, message, "Ask for less at a time, or move data logs away that are not used.")
+            raise HostFailed(self.name, message, "Choose fewer components, or move unused data logs away.")
         with self._conversation(data) as conversation:
             return self._follow(conversation, listener)
 
@@ -282,7 +282,7 @@ class RobotByChannel:
         )
         if line is None:
             why = last_of(conversation.error_lines, conversation.code())
-            advice = "Connect as root, or let this user start rarms by sudo without a password (docs/linux.md)."
+            advice = "Connect as root, or let this user start rarms with sudo without a password (docs/linux.md)."
             raise HostFailed(self.name, f"rarms does not start on {self._channel.target}: {why}", advice)
         if line != READY:
             installed = line.removeprefix(VERSIONS).split()
@@ -296,7 +296,7 @@ class RobotByChannel:
             raise self._garbage(str(problem)) from None
 
     def _garbage(self, why: str) -> HostFailed:
-        message = f"the answer of {self._channel.target} is not of rarms {__version__}: {why[:300]}"
+        message = f"the answer of {self._channel.target} is not from rarms {__version__}: {why[:300]}"
         return HostFailed(self.name, message, LOOK_AT_OUTPUT)
 
     def _broken(self, why: str) -> HostFailed:
@@ -352,7 +352,7 @@ def perform_call(listener: RobotListener, call: ReporterCall) -> bool | None:
     """Make a call of the other side here, and return the answer if it is a question.
 
     Raises:
-        NotDecodable: there is no such reporter or method, or the arguments do not fit it.
+        NotDecodable: no such reporter or method, or the arguments do not fit it.
     """
     if call.target not in listener.reporters:
         raise NotDecodable("target", f"there is no {call.target[:40]}")

@@ -144,8 +144,8 @@ def _refuse_writable(parts: Iterable[Path]) -> None:
         others = stat.S_IWOTH if status.st_gid == 0 else stat.S_IWOTH | stat.S_IWGRP
         if status.st_uid != 0 or status.st_mode & others:
             raise _refused(
-                f"others than root may write to {part}, so rarms there does not run as root",
-                f"Let root alone write there: `chown root:root {part}` and `chmod go-w {part}`.",
+                f"users other than root may write to {part}, so rarms does not run as root there",
+                f"Allow only root to write: `chown root:root {part}` and `chmod go-w {part}`.",
             )
 
 
@@ -234,7 +234,7 @@ def _failure_of(error: BaseException, host: str) -> Failure:
 
 
 def _unreadable(why: str) -> UseCaseError:
-    return _refused(f"the request cannot be read: {why}", "Call this program by rarms, not by hand.")
+    return _refused(f"the request cannot be read: {why}", "rarms starts this program. Do not start it by hand.")
 
 
 def _refused(message: str, advice: Wording, host: str = UNKNOWN_HOST) -> UseCaseError:

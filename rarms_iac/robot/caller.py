@@ -11,7 +11,7 @@ from rarms_iac.providers.robot import ReporterCall, calls_sent_by
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who asked, and may ask for an end."""
+    """The caller of a request, who may ask for an end."""
 
     send: Callable[[ReporterCall], None]
     interrupts: Interrupts

@@ -89,7 +89,7 @@ class OtherHost:
         """Note that the host was looked at."""
 
     def ask(self, command: str, job: Json, listener: RobotListener = UNHEARD) -> Json:  # noqa: ARG002 - the protocol's
-        raise HostFailed(self.name, f"a robot does not ask another one to {command}", "Ask it from your computer.")
+        raise HostFailed(self.name, f"a robot cannot {command} on another robot", "Run the command on your computer.")
 
 
 @dataclass(slots=True)

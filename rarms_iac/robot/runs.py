@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.applying import refuse_unsigned, refuse_unsigned_runs, run_control
+from rarms_iac.app.applying import refuse_provisional, refuse_unsigned, refuse_unsigned_runs, run_control
 from rarms_iac.app.control import Control, SilentAppReporter
 from rarms_iac.app.hosts import hold_hosts, run_origin
 from rarms_iac.app.plan_files import plan_in, plan_key
@@ -30,6 +30,7 @@ def apply(host: Host, job: Json, caller: Caller) -> Json:
     plan = plan_in("the plan that was sent", asked.plan.encode("utf-8"))
     if plan_key() is not None:
         refuse_unsigned(plan)
+    refuse_provisional(plan)
     parts = [part for part in plan.hosts if part.host.name == host.name]
     live = open_host(host, Path(), "")
     with _held(live, asked.waits, caller) as control:

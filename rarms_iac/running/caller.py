@@ -77,7 +77,7 @@ def call(
 
 
 def sendable(result: object) -> object:
-    """Return what the function returned, where it is a text or a map that can be sent."""
+    """Return the function's result if it is a text or a map that can be sent."""
     value = dict(result) if isinstance(result, Mapping) else result if isinstance(result, str) else None
     return value if len(json.dumps(value, default=str)) <= LONGEST else None
 

@@ -10,10 +10,15 @@ from types import TracebackType
 from typing import Self
 
 from rarms_iac.model.run import Call, Run
-from rarms_iac.model.series import Sample, Series, SkippedLines
+from rarms_iac.model.series import HeardMessages, Sample, Series, SkippedLines
+from rarms_iac.model.setting import ThreadsSeen
+from rarms_iac.running.environment import file_variables
 from rarms_iac.running.kernel_files import entry_of, kernel_text
-from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
-from rarms_iac.running.start import StartContext, hide_secrets, order_of
+from rarms_iac.running.message_samples import samples_of_messages, subscriber_order
+from rarms_iac.running.orders import StartContext, StartOrder
+from rarms_iac.running.samples import SampleRecord, SampleSource, SamplingEnd, samples_of_lines, samples_of_runs
+from rarms_iac.running.secrets import hide_secrets
+from rarms_iac.running.start import order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
 from rarms_iac.running.work_places import ComponentPlace
 
@@ -36,10 +41,12 @@ class ComponentRun:
     def __init__(self, component: str, run: Run, context: StartContext) -> None:
         self.component = component
         self._order = order_of(component, run, context)
+        self._source = source_of(component, run, self._order)
         self._inside = context.inside
+        self._is_attached = run.attach is not None
         self._killed_before = _killed_for_memory(context.inside.memory_events)
         self._before_end: Callable[[], None] = lambda: None
-        self._hide = hide_secrets(run, context.environment)
+        self._hide = hide_secrets(run, context.environment, _of_files(component, run, context))
         self._record = SampleRecord(run, self._hide)
         self._supervisor: Supervisor | None = None
         self._interrupted = False
@@ -77,7 +84,7 @@ class ComponentRun:
             component=self.component,
             samples=tuple(self._record.samples),
             elapsed_ms=self._record.elapsed_ms,
-            cpu_ms=self._supervisor.cpu_ms if self._supervisor else None,
+            cpu_ms=self._supervisor.cpu_ms if self._supervisor and self.has_own_time else None,
         )
 
     @property
@@ -91,14 +98,30 @@ class ComponentRun:
         return self._supervisor.process if self._supervisor else None
 
     @property
+    def has_own_time(self) -> bool:
+        """Whether the processor time below its supervisor is its own; that of a service is its unit's alone."""
+        endings = (process.ending for process in self._order.processes)
+        return not self._is_attached and all(ending is None or ending.is_below for ending in endings)
+
+    @property
     def place(self) -> ComponentPlace:
         """Where its processes belong."""
-        return ComponentPlace(component=self.component, supervisor=self.process, groups=self._inside.groups)
+        supervisor = None if self._is_attached else self.process  # below it is what reads the log
+        has_own_group = any(process.ending is not None for process in self._order.processes)
+        groups = self._inside.groups
+        return ComponentPlace(
+            component=self.component, supervisor=supervisor, groups=groups, has_own_group=has_own_group
+        )
 
     @property
     def killed_for_memory(self) -> int:
         """How many processes of its control group the kernel killed since the start because of the group's memory."""
         return _killed_for_memory(self._inside.memory_events) - self._killed_before
+
+    @property
+    def threads(self) -> ThreadsSeen:
+        """What was seen of the threads that are to have a task class by their names."""
+        return self._supervisor.threads if self._supervisor else ThreadsSeen()
 
     def call_before_end(self, look: Callable[[], None]) -> None:
         """Have this called when no more samples come, while its processes are still there."""
@@ -115,6 +138,11 @@ class ComponentRun:
         return self._record.skipped
 
     @property
+    def heard(self) -> HeardMessages | None:
+        """The messages so far; None: its samples do not come from messages."""
+        return self._record.heard() if self._record.heard else None
+
+    @property
     def tail(self) -> str:
         """The last text of standard error, or of standard output where samples are read from standard error.
 
@@ -127,10 +155,7 @@ class ComponentRun:
         if self._interrupted:
             supervisor.interrupt()
         try:
-            if self._record.run.samples.source == "per_run" and not isinstance(self._record.run.start, Call):
-                yield from samples_of_runs(supervisor, self._record)
-            else:
-                yield from samples_of_lines(self.component, supervisor, self._record)
+            yield from self._source(supervisor, self._record)
         except ReadingInterrupted:
             self._record.ending = SamplingEnd.CLOSED
         finally:
@@ -138,6 +163,28 @@ class ComponentRun:
                 self._before_end()
             finally:
                 supervisor.close()
+
+
+def source_of(component: str, run: Run, order: StartOrder) -> SampleSource:
+    """Return the source of a component's samples, as `run.samples` says.
+
+    Args:
+        order: The component's own.
+
+    Raises:
+        CannotStart: What the samples need is not there.
+    """
+    subscriber = subscriber_order(component, run, order)
+    if subscriber is not None:
+        return samples_of_messages(subscriber)
+    return samples_of_lines if isinstance(run.start, Call) or run.has_lines else samples_of_runs
+
+
+def _of_files(component: str, run: Run, context: StartContext) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for process in run.each_process.values():
+        found |= file_variables(component, process, context.base)
+    return found
 
 
 def _killed_for_memory(events: Path | None) -> int:

@@ -42,7 +42,7 @@ def whole_number(file: Path, text: str, *, least: int = 0) -> int:
 
     Args:
         text: The file's content, or a part of it.
-        least: A smaller number is no value of this file.
+        least: A smaller number is not a value of this file.
 
     Raises:
         UnreadableFile: It is something else, or has more than 20 digits.

@@ -12,8 +12,10 @@ from typing import Self, assert_never
 
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.running.start import CannotStart, RunningError, StartContext, order_of_words
-from rarms_iac.running.supervisor import OutputLine, ProcessEnded, Supervisor
+from rarms_iac.running.events import OutputLine, ProcessEnded
+from rarms_iac.running.orders import CannotStart, RunningError, StartContext
+from rarms_iac.running.start import order_of_words
+from rarms_iac.running.supervisor import Supervisor
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
@@ -44,7 +46,7 @@ STRESSING = "dispatching hogs"
 """What stress-ng writes to standard error when its workers begin."""
 
 STRESSING_TIME = "365d"
-"""Longer than anything is measured. 0 is no end for most stressors, but `timer` ends then after some seconds."""
+"""Longer than anything is measured. 0 is not an end for most stressors, but `timer` ends then after some seconds."""
 
 SETTLING_S = 60.0
 """How long all instances may take to be running: ten browsers at once are slow to start."""
@@ -78,7 +80,6 @@ class InterferingLoad:
         """Start it, and wait until it runs.
 
         Args:
-            context: where its processes belong.
             processors: the LPs to keep busy, where the load does not say how many; None: this machine's.
             reserve: per cent of each processor that its partition reserves; None: it has no partition.
         """
@@ -135,7 +136,7 @@ class InterferingLoad:
                     raise CannotStart(self.name, self._last_words())
                 case None:
                     waited = show_milliseconds(int(1000 * SETTLING_S))
-                    raise CannotStart(self.name, f"it did not get to run within {waited}: {self._last_words()}")
+                    raise CannotStart(self.name, f"it did not start within {waited}: {self._last_words()}")
                 case _:
                     pass
 
@@ -148,7 +149,7 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int, re
     """Return the program that is the load, as words.
 
     Raises:
-        CannotStart: there is no browser, or no stress-ng, on this machine; or bursts are to take what a partition
+        CannotStart: no browser, or no stress-ng, on this machine; or bursts are to take what a partition
             reserves, and there is none.
     """
     python = (sys.executable, "-I", "-S")
@@ -157,7 +158,9 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int, re
         case BusyLoop(threads=threads):
             return (*several, str(threads or processors), "", *python, "-c", BUSY_LOOP)
         case Bursts(duty=None) if reserve is None:
-            raise CannotStart(name, "it takes what its partition reserves, and here is none: name one with a `duty`")
+            raise CannotStart(
+                name, "it uses the reservation of its partition, but there is none here: give the load a `duty`"
+            )
         case Bursts(threads=threads):
             cycle = load.cycle(reserve or 0.0)
             times = (str(round(1e6 * cycle.burst_ms)), str(round(1e6 * cycle.gap_ms)))
@@ -199,7 +202,7 @@ def find_program(name: str, kind: str, programs: Sequence[str]) -> str:
     for program in programs:
         if path := shutil.which(program):
             return path
-    raise CannotStart(name, f"there is no {kind} on the PATH: {', '.join(programs)}")
+    raise CannotStart(name, f"{kind} was not found on the PATH: {', '.join(programs)}")
 
 
 def logical_processors() -> int:

@@ -257,7 +257,7 @@ def compile_pattern(pattern: str) -> Any:
     """Compile a pattern of `run.samples` with RE2, which matches in linear time.
 
     Raises:
-        re2.error: it is no such pattern, or takes more than `PATTERN_MEMORY` bytes.
+        re2.error: it is not such a pattern, or takes more than `PATTERN_MEMORY` bytes.
         UnicodeEncodeError: it contains half a character.
     """
     import re2
@@ -331,11 +331,11 @@ def _read_result(run: Run, read: LineReader, result: object, response: float) ->
         return Reading(response_ms=response)
     if samples.source == "pattern":
         reading = read(result) if isinstance(result, str) else None
-        reading = reading or Unreadable(message="the function returned no text that the pattern matches")
+        reading = reading or Unreadable(message="the function did not return a text that matches the pattern")
     elif isinstance(result, dict):
         reading = read_values(samples, result, json.dumps(result))
     else:
-        return Unreadable(message="the function returned no map with the fields that `run.samples` names")
+        return Unreadable(message="the function did not return a map with the fields of `run.samples`")
     if isinstance(reading, Reading) and samples.response_time is None:
         return replace(reading, response_ms=response)
     return reading

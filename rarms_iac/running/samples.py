@@ -7,7 +7,20 @@ from enum import StrEnum
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
-from rarms_iac.model.series import Sample, SkippedLines
+from rarms_iac.model.series import HeardMessages, Sample, SkippedLines
+from rarms_iac.running.events import (
+    FLOOD,
+    LONGEST_LINE,
+    Event,
+    OutputLine,
+    OverlongLine,
+    ProcessEnded,
+    ProcessStarted,
+    describe_death,
+    describe_early_end,
+    ended_by_itself,
+)
+from rarms_iac.running.orders import CannotStart
 from rarms_iac.running.reading import (
     AnswerReader,
     JobAnswer,
@@ -17,27 +30,14 @@ from rarms_iac.running.reading import (
     lines_that_match,
     skip_line,
 )
-from rarms_iac.running.start import CannotStart
-from rarms_iac.running.supervisor import (
-    FLOOD,
-    LONGEST_LINE,
-    Event,
-    OutputLine,
-    OverlongLine,
-    ProcessEnded,
-    ProcessStarted,
-    Supervisor,
-    describe_death,
-    describe_early_end,
-    ended_by_itself,
-)
+from rarms_iac.running.supervisor import Supervisor
 
 FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
 LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")
 
 
 class SamplingEnd(StrEnum):
-    """Why no more samples come."""
+    """The reason for the end of the samples."""
 
     RUNNING = "running"  # they still do
     UNTIL = "until"  # measured enough, as the manifest says
@@ -55,6 +55,7 @@ class SampleRecord:
         self.samples: list[Sample] = []
         self.failed = 0
         self.skipped = SkippedLines()
+        self.heard: Callable[[], HeardMessages] | None = None  # None: the samples do not come from messages
         self.ending = SamplingEnd.RUNNING
         self._begun: float | None = None
         self._last: float | None = None
@@ -134,6 +135,14 @@ class SampleRecord:
         return 1000 * max(0.0, at - self.begin(at))
 
 
+SampleSource = Callable[[Supervisor, SampleRecord], Generator[Sample, None, None]]
+"""Makes the samples of a component until its record has an ending: of its lines, its processes, or messages.
+
+It starts the component by its supervisor, again where it ended, and takes each sample into the record. Processes of its
+own end when it is closed. It raises `CannotStart` where the component, or what the samples need, cannot be started.
+"""
+
+
 def earliest(*times: float | None) -> float | None:
     """Return the first of these times; None where there is none."""
     known = [time for time in times if time is not None]
@@ -151,7 +160,7 @@ class _Process:
     stopping: bool = False
 
 
-def samples_of_lines(component: str, supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
+def samples_of_lines(supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
     """Make a sample of each line, and one for each death, time-out and unreadable line.
 
     A process that ends itself with exit code 0 after at least one sample has done its part and is started again; any
@@ -160,12 +169,11 @@ def samples_of_lines(component: str, supervisor: Supervisor, record: SampleRecor
     Raises:
         CannotStart: it cannot be started, or its function not be loaded.
     """
-    return _LineReader(component, supervisor, record).samples()
+    return _LineReader(supervisor, record).samples()
 
 
 class _LineReader:
-    def __init__(self, component: str, supervisor: Supervisor, record: SampleRecord) -> None:
-        self._component = component
+    def __init__(self, supervisor: Supervisor, record: SampleRecord) -> None:
         self._supervisor = supervisor
         self._record = record
         self._read_answer: AnswerReader = answer_reader(record.run)
@@ -231,7 +239,7 @@ class _LineReader:
 
     def _of_line(self, answer: JobAnswer | Unreadable, at: float) -> Sample | None:
         if isinstance(answer, JobAnswer) and answer.cannot:
-            raise CannotStart(self._component, answer.cannot)
+            raise CannotStart(self._supervisor.name, answer.cannot)
         if isinstance(answer, JobAnswer) and answer.ready is not None:
             self._record.begin(answer.ready)
             self._now.last = at
@@ -250,8 +258,8 @@ class _LineReader:
         took = (result.response_ms or 0.0) / 1000
         began = at - took if answer.began is None else answer.began
         if not self._record.has_begun:
-            # How long a program takes to start is no job's time: the setting begins with the first job, as far as
-            # its beginning can be known.
+            # The start of a program is not part of a job: the setting begins with the first job, as far as its
+            # beginning can be known.
             known = took or self._record.period
             self._record.begin(self._now.last if known is None else at - known)
         return self._record.answered(began, result.response_ms, successful=result.successful, count=result.count)
@@ -286,7 +294,7 @@ def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[S
 
 
 def _due(record: SampleRecord, number: int) -> float | None:
-    """Return when the job is to start; None: at once, and its time counts from then."""
+    """Return the start time of the job; None: at once, and its time counts from then."""
     if record.period is None or not record.has_begun:
         return None
     return record.begin(0.0) + number * record.period
@@ -320,6 +328,8 @@ def _sample(record: SampleRecord, scheduled: float, job: _Job) -> Sample:
         return record.failure(scheduled, f"no exit within {show_milliseconds(record.run.timeout)}")
     if job.ended.signal:
         return record.failure(scheduled, describe_death(job.ended))
+    if job.ended.process:
+        return record.failure(scheduled, describe_early_end(job.ended))
     if job.ended.code and not record.run.rates_success:
         return record.failure(scheduled, describe_early_end(job.ended))
     return record.answered(scheduled, 1000 * (job.ended.at - scheduled), successful=job.ended.code == 0)

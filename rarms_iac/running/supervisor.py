@@ -5,20 +5,18 @@ import json
 import os
 import queue
 import secrets
-import signal as signals
 import subprocess
 import sys
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from rarms_iac.running.start import CannotStart, StartOrder, SupervisorLost
+from rarms_iac.model.setting import ThreadsSeen
+from rarms_iac.running.events import Event, LineCutter, OutputLine, OverlongLine, ProcessEnded, ProcessStarted
+from rarms_iac.running.line_sources import LineSource, source_of
+from rarms_iac.running.orders import CannotStart, StartOrder, SupervisorLost, order_as_json
 
-LONGEST_LINE = 64 * 1024
-FLOOD = 16 * 1024 * 1024
-"""So many bytes without a line end are no line any more."""
 TAIL = 4096
 PIECE = 64 * 1024
 WAITING = 64
@@ -27,49 +25,12 @@ CATCH_UP_S = 0.05
 """The two streams have a thread each, which may be so far apart."""
 GOING_S = 10.0
 """How much longer than its grace a component's end may take."""
+ENGINE_GOING_S = 80.0
+"""The same of containers and services, which their engines remove: before their programs are killed, and after."""
 
 _PROGRAM = "supervisor_process_windows.py" if sys.platform == "win32" else "supervisor_process.py"
 _OPTIONS = ("-I",) if sys.platform == "win32" else ("-I", "-S")
 """What this Python is started with: the one of Windows finds pywin32 among the installed packages."""
-
-
-_LAST_SIGNAL = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutputLine:
-    """A line of the stream whose lines are read."""
-
-    at: float  # time.perf_counter
-    text: str
-    size: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OverlongLine:
-    """A line that is too long to be one; `flood`: it goes on and on."""
-
-    at: float
-    flood: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessStarted:
-    """The process is about to begin."""
-
-    at: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessEnded:
-    """The process has ended, and all that it started with it."""
-
-    at: float  # when it ended itself
-    code: int
-    signal: int  # 0: it was not killed by one; on Windows the code of a crash
-
-
-Event = OutputLine | OverlongLine | ProcessStarted | ProcessEnded
 
 
 class ReadingInterrupted(Exception):
@@ -85,8 +46,9 @@ class Supervisor:
     """
 
     def __init__(self, order: StartOrder) -> None:
-        self._name = order.name
-        self._grace_s = float(order.stop.grace) / 1000
+        self.name = order.name
+        is_elsewhere = any(process.ending is not None for process in order.processes)
+        self._patience_s = float(order.stop.grace) / 1000 + (ENGINE_GOING_S if is_elsewhere else GOING_S)
         self._mark = secrets.token_hex(16).encode()
         self._events: queue.Queue[list[Event | dict[str, Any]]] = queue.Queue(WAITING)
         self._ready: list[Event | dict[str, Any]] = []
@@ -95,6 +57,7 @@ class Supervisor:
         self._interrupted = threading.Event()
         self._output_ignored = threading.Event()  # lines are not read: they go nowhere
         self._cpu_ms: float | None = None
+        self._seen_threads = ThreadsSeen()
         self._process = subprocess.Popen(
             [sys.executable, *_OPTIONS, str(Path(__file__).resolve().with_name(_PROGRAM))],
             stdin=subprocess.PIPE,
@@ -107,6 +70,7 @@ class Supervisor:
             threading.Thread(target=self._read_output, args=(self._process.stdout,), daemon=True),
             threading.Thread(target=self._read_errors, args=(self._process.stderr,), daemon=True),
         ]
+        self._lines = self._other_lines(order)
         for thread in self._threads:
             thread.start()
         self._send(json.dumps(self._as_json(order)))
@@ -156,7 +120,9 @@ class Supervisor:
         self._closing.set()
         with contextlib.suppress(OSError):
             self._commands().close()
-        deadline = time.perf_counter() + self._grace_s + GOING_S
+        if self._lines is not None:
+            self._lines.close()
+        deadline = time.perf_counter() + self._patience_s
         while self._process.poll() is None and time.perf_counter() < deadline:
             with contextlib.suppress(queue.Empty):
                 self._note_cpu_time(self._events.get(timeout=0.02))
@@ -179,6 +145,11 @@ class Supervisor:
         return self._cpu_ms
 
     @property
+    def threads(self) -> ThreadsSeen:
+        """The latest look at threads with a name of `threads`."""
+        return self._seen_threads
+
+    @property
     def process(self) -> int:
         """The supervisor's own id."""
         return self._process.pid
@@ -197,35 +168,41 @@ class Supervisor:
         assert self._process.stdin is not None
         return self._process.stdin
 
+    def _other_lines(self, order: StartOrder) -> LineSource | None:
+        """Read lines from a file or socket instead of the stream, where the order says so."""
+        source = source_of(order)
+        if source is not None:
+            self._output_ignored.set()
+            self._threads.append(threading.Thread(target=source.read, args=(self._take_lines,), daemon=True))
+        return source
+
+    def _take_lines(self, events: list[Event | dict[str, Any]]) -> None:
+        if not self._closing.is_set():
+            self._put(events)
+
     def _as_json(self, order: StartOrder) -> dict[str, Any]:
         return {
             "mark": self._mark.decode(),
-            "words": order.words,
-            "folder": str(order.folder),
-            "environment": dict(order.environment),
-            "join": [str(file) for file in order.join],
-            "stream": order.stream,
-            "signal": order.stop.signal,
-            "grace_ms": float(order.stop.grace),
+            **order_as_json(order),
         }
 
     def _send(self, line: str) -> None:
         try:
             self._commands().write(line.encode("ascii") + b"\n")
         except OSError as error:
-            raise SupervisorLost(self._name, f"its supervisor (process {self._process.pid}) is gone") from error
+            raise SupervisorLost(self.name, f"its supervisor (process {self._process.pid}) has ended") from error
 
     def _event_of(self, message: dict[str, Any]) -> Event:
         match message:
             case {"event": "started", "at": at}:
                 return ProcessStarted(at=at)
-            case {"event": "ended", "at": at, "code": code, "signal": number}:
-                return ProcessEnded(at=at, code=code, signal=number)
+            case {"event": "ended", "at": at, "code": code, "signal": number, **rest}:
+                return ProcessEnded(at=at, code=code, signal=number, process=rest.get("process", ""))
             case {"event": "cannot", "message": reason}:
-                raise CannotStart(self._name, reason)
+                raise CannotStart(self.name, reason)
             case _:
                 raise SupervisorLost(
-                    self._name, f"its supervisor (process {self._process.pid}) ended: {self.tail[-200:]}"
+                    self.name, f"its supervisor (process {self._process.pid}) ended: {self.tail[-200:]}"
                 )
 
     def _note_cpu_time(self, events: list[Event | dict[str, Any]]) -> None:
@@ -235,14 +212,23 @@ class Supervisor:
 
     def _read_output(self, stream: IO[bytes]) -> None:
         """Read standard output to its end; runs in a thread."""
-        lines = _Lines(self._mark)
+        lines = LineCutter(self._mark)
         while piece := _read(stream):
-            events = lines.cut(piece, time.perf_counter())
+            events = [event for event in lines.cut(piece, time.perf_counter()) if not self._is_of_threads(event)]
             if self._closing.is_set() or self._output_ignored.is_set():
                 events = [event for event in events if not isinstance(event, OutputLine | OverlongLine)]
             if events:
                 self._put(events)
         self._put([{"event": "gone"}])
+
+    def _is_of_threads(self, event: Event | dict[str, Any]) -> bool:
+        """Keep the latest message on threads, which nobody waits for."""
+        if not isinstance(event, dict) or event.get("event") != "threads":
+            return False
+        self._seen_threads = ThreadsSeen(
+            unmatched=tuple(event["unmatched"]), names=tuple(event["names"]), refused=event["refused"]
+        )
+        return True
 
     def _put(self, events: list[Event | dict[str, Any]]) -> None:
         self._events.put(events)
@@ -253,63 +239,8 @@ class Supervisor:
             self._tail = (self._tail + piece)[-TAIL:]
 
 
-class _Lines:
-    """Cuts a stream into lines of a bearable length, and finds the supervisor's words between them."""
-
-    def __init__(self, mark: bytes) -> None:
-        self._mark = mark
-        self._rest = b""
-        self._skipped = 0  # bytes of the line that is too long; 0: none is
-
-    def cut(self, piece: bytes, at: float) -> list[Event | dict[str, Any]]:
-        """Return what this piece completes."""
-        events: list[Event | dict[str, Any]] = []
-        *lines, rest = (self._rest + piece).split(b"\n")
-        for line in lines:
-            if self._skipped:
-                self._skipped = 0  # its end
-            elif line.startswith(self._mark):
-                events.append(json.loads(line[len(self._mark) :]))
-            elif len(line) > LONGEST_LINE:
-                events.append(OverlongLine(at=at))
-            elif line.strip():
-                events.append(OutputLine(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
-        if self._skipped:
-            before, self._skipped = self._skipped, self._skipped + len(rest)
-            if before < FLOOD <= self._skipped:
-                events.append(OverlongLine(at=at, flood=True))
-            rest = b""
-        elif len(rest) > LONGEST_LINE:
-            events.append(OverlongLine(at=at))
-            self._skipped, rest = len(rest), b""
-        self._rest = rest
-        return events
-
-
 def _read(stream: IO[bytes]) -> bytes:
     try:
         return os.read(stream.fileno(), PIECE)
     except (OSError, ValueError):
         return b""
-
-
-def ended_by_itself(ended: ProcessEnded) -> bool:
-    """Return whether it ended by itself with exit code 0."""
-    return ended.code == 0 and ended.signal == 0
-
-
-def describe_early_end(ended: ProcessEnded) -> str:
-    """Describe the end of a process that was to go on."""
-    if ended.signal:
-        return describe_death(ended)
-    return "it ended without a sample" if ended.code == 0 else f"it ended with exit code {ended.code}"
-
-
-def describe_death(ended: ProcessEnded) -> str:
-    """Describe which signal killed it, or how it crashed."""
-    if ended.signal > _LAST_SIGNAL:
-        return f"it crashed with 0x{ended.signal:08X}"
-    try:
-        return f"it was killed by {signals.Signals(ended.signal).name}"
-    except ValueError:
-        return f"it was killed by signal {ended.signal}"

@@ -90,19 +90,20 @@ class WindowsSupervisor:
     def _start(self) -> None:
         self._due = None
         self._send_event(event="started", at=time.perf_counter())
-        is_swapped = self._order["stream"] == "stderr"
+        (process,) = self._order["processes"]  # several are Linux's
+        is_swapped = process["stream"] == "stderr"
         try:
             self._process = subprocess.Popen(
-                self._order["words"],
+                process["words"],
                 stdin=subprocess.DEVNULL,
                 stdout=2 if is_swapped else None,
                 stderr=1 if is_swapped else None,
-                cwd=self._order["folder"],
-                env=self._order["environment"],
+                cwd=process["folder"],
+                env=process["environment"],
                 creationflags=NEW_GROUP,
             )
         except OSError as error:
-            self._send_event(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error!r}")
+            self._send_event(event="cannot", message=f"{process['words'][0]}: {error.strerror or error!r}")
             return
         self._job = new_job()
         win32job.AssignProcessToJobObject(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only

@@ -25,8 +25,14 @@ LISTED = 8
 SHOWN_SHARE = 0.02
 """Entries with a smaller part of all work outside are not kept, unless they left their component's group."""
 
+EXPECTED = frozenset({"rosmaster", "rosout", "roslaunch", "roscore", "rarms"})
+"""Programs outside that never do a component's work: the ROS master with its nodes, and another rarms."""
+
 _KERNEL_THREADS = 2
 """The process id of kthreadd, whose children are the kernel's own threads."""
+
+_CLIENTS = frozenset({"systemd-run", "systemctl"})
+"""Programs that start and end a service; the service itself is in the component's group, they are not."""
 
 Look = Mapping[int, ProcessStat]
 """The processes of the machine at one moment, by id."""
@@ -34,11 +40,12 @@ Look = Mapping[int, ProcessStat]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentPlace:
-    """Where the processes of a component belong."""
+    """The place of a component's processes."""
 
     component: str
     supervisor: int | None  # its process id; None: not started yet
     groups: tuple[Path, ...]  # folders of control groups; none: the group that rarms is in
+    has_own_group: bool = False  # a container or service has one, which its engine makes where it belongs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,11 +133,12 @@ class WorkPlaces:
                 if place is not None:  # a supervisor: its children that ended were of the component
                     inside[_unit(place)] += in_ms(ticks.children)
             elif place is not None:
-                if process in self._inside or (not place.groups and work.group in {home, ""}):
+                is_at_home = place.has_own_group or work.group in {home, ""}
+                if process in self._inside or (not place.groups and is_at_home):
                     inside[_unit(place)] += ms
-                elif process in self._paths:
+                elif process in self._paths and not (place.has_own_group and work.name in _CLIENTS):
                     escaped.append(replace(work, component=place.component))
-            elif process not in self._inside:
+            elif process not in self._inside and work.name not in EXPECTED:
                 above = ms - usual.get((process, self._last[process].began), 0.0) * elapsed_ms
                 others += [replace(work, cpu_ms=above)] if above > 0 else []
         measured = {unit: self._used_ms.get(unit, ms) if isinstance(unit, Path) else ms for unit, ms in inside.items()}
@@ -243,8 +251,11 @@ def listed(work: Iterable[OutsideWork]) -> tuple[OutsideWork, ...]:
     return tuple(each for each in entries if each.component or each.cpu_ms >= least)[:LISTED]
 
 
-def group_path(text: str) -> str:
+def group_path(text: str, controller: str = "cpuacct") -> str:
     """Return the group of the processor time in a `/proc/<id>/cgroup`: version 1's where it is used, else version 2's.
+
+    Args:
+        controller: of version 1, the hierarchy that is asked for.
 
     Returns:
         A path such as `/rarms/vision`; empty where the text has none.
@@ -254,7 +265,7 @@ def group_path(text: str) -> str:
         _, _, rest = line.partition(":")
         controllers, _, path = rest.partition(":")
         paths |= dict.fromkeys(controllers.split(","), path)
-    return paths.get("cpuacct") or paths.get("cpu") or paths.get("") or ""
+    return paths.get(controller) or paths.get("cpu") or paths.get("") or ""
 
 
 def members(groups: Iterable[Path]) -> Iterator[int]:

@@ -59,7 +59,7 @@ class Curve:
         return known if around is None else _between(*around, reserve, self.index)
 
     def estimate_at(self, reserve: float) -> Estimate | None:
-        """Return what was measured at this reservation, before it was made monotone.
+        """Return the measured value at this reservation, before it was made monotone.
 
         Args:
             reserve: as of `value_at`.
@@ -91,7 +91,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run) 
 
     Args:
         settings: In any order, at most one a reservation (`join_settings`); those without the component, or without an
-            estimate of it, give no point.
+            estimate of it, give no point, nor do those of the first pass.
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
 
@@ -104,7 +104,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run) 
         setting.reserve: _estimate(series, index, run)
         for setting in settings
         for series in setting.series
-        if series.component == component
+        if series.component == component and not setting.first_pass
     }
     measured = {reserve: each for reserve, each in sorted(found.items()) if isinstance(each, Estimate)}
     overloaded = {reserve for reserve, each in found.items() if isinstance(each, NoEstimate) and each.overload}
@@ -224,7 +224,7 @@ def threshold_met_by(index: str, value: float) -> Threshold | None:
         value: of it, in its unit; the safe side of a bound.
 
     Returns:
-        None: it is no number.
+        None: it is not a number.
     """
     if not isfinite(value):
         return None

@@ -40,8 +40,6 @@ def share_below(value: float, a: float, b: float) -> float:
 
     Args:
         value: any number; at most 0 gives 0, at least 1 gives 1.
-        a: above 0.
-        b: above 0.
 
     Returns:
         The probability, 0..1.
@@ -77,11 +75,6 @@ def _continued_fraction(value: float, a: float, b: float) -> float:
 def beta_quantile(probability: float, a: float, b: float) -> float:
     """Compute the value that a Beta(a, b) variable stays below with this probability, by bisection.
 
-    Args:
-        probability: 0..1.
-        a: above 0.
-        b: above 0.
-
     Returns:
         A share, 0..1, exact to the last of `_HALVINGS` halvings; each costs one call of `share_below`.
     """
@@ -100,7 +93,6 @@ def student_quantile(probability: float, freedom: float) -> float:
     """Compute the value that Student's t stays below with this probability.
 
     Args:
-        probability: between 0 and 1.
         freedom: degrees of freedom, not necessarily whole; many count as a normal distribution.
 
     Returns:
@@ -187,9 +179,6 @@ def next_look(samples: int) -> int:
 def samples_needed(index: str, threshold: Threshold) -> int:
     """Say with how many samples an index is shown to meet its threshold at the earliest, where all of them are good.
 
-    Args:
-        threshold: in its unit.
-
     Returns:
         Independent samples: `FIRST_LOOK` at least, and more than `MOST_SAMPLES` where no setting may have enough; of a
             share of jobs that may be bad, those of which all are good but for the error at greater shares.
@@ -209,7 +198,7 @@ def samples_needed(index: str, threshold: Threshold) -> int:
 
 
 def describe_error() -> str:
-    """Return how sure a statement is, to append to a message: `99 % sure`."""
+    """Return the confidence of a statement, to append to a message: `99 % sure`."""
     return f"{100 - 100 * ERROR:.4g} % sure"
 
 
@@ -242,10 +231,10 @@ def describe_extreme(beyond: float) -> str:
 
 
 ERRORS_EXPLAINED: Final = (
-    f"Each sentence on measured numbers is {describe_error()}: that a reserve is enough, that a threshold is missed, "
-    "and that all thresholds of a layout are met. A bound (from, to) has the truth beyond it as rarely. "
-    "Jobs of a kind that no sample showed are counted in, taking up to twice the mean time, or as long as the longest "
-    "seen. Of a maximum or minimum nothing more is said than what was seen so far, and the share of jobs that may lie "
-    "beyond it."
+    f"Each statement on measured values has {describe_error()}: that a reservation is enough, that a "
+    "threshold is missed, or that all thresholds of a layout are met. The same confidence applies "
+    "to bounds (from, to). Jobs that no sample showed are included, with up to twice the mean time "
+    "or the longest time seen. For a maximum or minimum, only the values seen so far are known, "
+    "with the share of jobs that may be beyond them."
 )
 """What the terminal, the report and the documentation say of errors."""

@@ -11,7 +11,7 @@ from math import ceil, inf, sqrt
 from operator import mul
 from statistics import fmean, stdev
 
-from rarms_iac.model.indexes import percentile_of
+from rarms_iac.model.indexes import index_named, percentile_of
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import SampleColumns, Series, columns_of
@@ -37,6 +37,9 @@ FEWEST_EFFECTIVE = 25
 """Independent samples that a mean's bounds need once there are `FIRST_LOOK`, or half of all, where that is less: of
 fewer, their dependence on one another is unknown."""
 
+_WORST_PHASE = 20.0
+"""How many times the mean a job takes in the worst phase of a load that no start of it had."""
+
 _QUARTERS = 4
 _FEWEST_OF_QUARTER = 10  # samples
 
@@ -56,7 +59,6 @@ def estimate(
     """Estimate a performance index over all samples of a series, which is taken as steady.
 
     Args:
-        index: A name of `model/indexes`.
         run: The component's; says the deadline.
         error: The probability, 0..1, that the truth is above the upper bound, and likewise below the lower one. The
             usual one holds for all looks at a setting together.
@@ -74,14 +76,43 @@ def estimate(
 
 
 def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    starts = 1 + len(_starts(series))
-    if unseen and series.starts and isinstance(run.arrival, Periodic) and starts < PERIODIC_STARTS:
-        return NoEstimate(reason=f"its load began {starts} times, and bounds of periodic jobs need {PERIODIC_STARTS}")
     percentile_percent = percentile_of(index)
     if percentile_percent is not None:
         share = float(percentile_percent) / 100
-        return _percentile(response_times(series.samples), share, error, _answered_starts(series))
-    return _ESTIMATORS[index](series, run, error, unseen)
+        found = _percentile(response_times(series.samples), share, error, _answered_starts(series))
+    else:
+        found = _ESTIMATORS[index](series, run, error, unseen)
+    starts = 1 + len(_starts(series))
+    if unseen and series.starts and isinstance(run.arrival, Periodic) and isinstance(found, Estimate):
+        return _with_unseen_phase(index, found, series, starts) if starts < PERIODIC_STARTS else found
+    return found
+
+
+def _with_unseen_phase(index: str, seen: Estimate, series: Series, starts: int) -> Estimate:
+    """Widen bounds of a periodic component by the worst phase that none of its few starts had.
+
+    A component may keep one phase of a load for a whole start. So many starts may have missed phases that a share of
+    all starts leads to, with a probability of `LOOK_ERROR`. There each job is bad, and takes `_WORST_PHASE` times the
+    mean. An extreme stays: it says what was seen.
+    """
+    if seen.beyond is not None:
+        return seen
+    missed = 1.0 - LOOK_ERROR ** (1.0 / starts)
+    times = response_times(series.samples)
+    worst = max(_WORST_PHASE * sum(times) / len(times), *times) if times else inf
+    percentile = percentile_of(index)
+    lower, upper = (1.0 - missed) * seen.lower, (1.0 - missed) * seen.upper
+    if percentile is not None:
+        upper = max(seen.upper, worst)
+    elif index == "jitter":
+        upper = sqrt((1.0 - missed) * seen.upper**2 + missed * worst**2)
+    elif index == "deadline_miss_rate":
+        upper += 100 * missed
+    elif index_named(index).smaller_is_better:
+        upper += worst * missed
+    else:  # a share of successes, or their rate
+        upper = seen.upper
+    return replace(seen, lower=lower, upper=upper)
 
 
 def estimate_steady(index: str, series: Series, run: Run, *, error: float) -> Estimate | NoEstimate:
@@ -109,7 +140,7 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float) -> Es
 
 
 def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) -> Estimate | None:
-    """Return what four quarters show together, no surer than all samples do as if they were steady.
+    """Return the estimate of four quarters together, no surer than that of all samples as if they were steady.
 
     None: too few samples; an extreme; a quarter without an answer; or quarters that go one way and double: a trend,
     and it is not known where that ends.
@@ -184,7 +215,6 @@ def mean_estimate(
         numbers: in the order in which they were sampled, since neighbours may be correlated.
         error: the probability, 0..1, that the true mean is above the upper bound, and likewise below the lower one.
         unseen: whether that job is added.
-        starts: as of `effective_samples`.
 
     Returns:
         The estimate in the numbers' unit; or the reason why there is none: too few, all of them 0, or too dependent on
@@ -227,7 +257,7 @@ def _moments(
 
 def _too_dependent(count: int, effective: float) -> str:
     needed = f"a bound needs {min(FEWEST_EFFECTIVE, -(-count // 2))}"
-    return f"its {count} samples depend on one another so strongly that they are worth {effective:.0f}, and {needed}"
+    return f"its {count} samples depend on one another and are worth {effective:.0f} independent ones; {needed}"
 
 
 def _bound(moments: _Moments, effective: float, error: float, *, side: float) -> float:
@@ -249,7 +279,6 @@ def share_estimate(
         ones: 1 or 0 for each job, in the order in which they were sampled.
         error: the probability, 0..1, that the true share is above the upper bound, and likewise below the lower one.
         times: what the same jobs took: where all ones are alike, these say how far jobs depend on one another.
-        starts: as of `effective_samples`.
 
     Returns:
         The estimate in per cent; or the reason why there is none: no job.
@@ -418,7 +447,7 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
 
 
 def _counts_a_success(jobs: SampleColumns, error: float, unseen: bool) -> tuple[float, float, float]:
-    """Return what a success counts, between its bounds; what a job counts by definition is known."""
+    """Return the count of a success, between its bounds; a count by definition is known."""
     counts = list(compress(jobs.counts, jobs.successful)) or jobs.counts.tolist()
     mean = sum(counts) / len(counts)
     if all(count == 1.0 for count in counts):

@@ -96,7 +96,6 @@ def estimate_of_setting(index: str, series: Series, run: Run, *, error: float = 
 
     Args:
         series: the samples of one component at one setting, in order.
-        error: as of `estimate_steady`.
 
     Returns:
         As of `estimate_steady`; of an overloaded component no estimate of what misses by arithmetic.
@@ -124,10 +123,7 @@ def describe_overload(overload: Overload, *, helps: bool = True) -> str:
         A clause with numbers: `overloaded: needs 1.3 LP, has 1.0`.
     """
     if not helps or overload.needed_lp is None or overload.received_lp is None:
-        return (
-            f"overloaded: a job is due every {overload.period_ms:.4g} ms, and one ends every "
-            f"{overload.between_ms:.4g} ms"
-        )
+        return f"overloaded: jobs arrive every {overload.period_ms:.4g} ms but end every {overload.between_ms:.4g} ms"
     return f"overloaded: needs {overload.needed_lp:.3g} LP, has {overload.received_lp:.3g}"
 
 

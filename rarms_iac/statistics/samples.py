@@ -57,9 +57,6 @@ def deadline_misses(samples: Sequence[Sample], run: Run) -> list[float]:
 def ends_ms(samples: Sequence[Sample]) -> list[float]:
     """Say when each job was over.
 
-    Args:
-        samples: in any order.
-
     Returns:
         Milliseconds since the setting began, in the same order; for a job without an answer, when it began.
     """
@@ -87,7 +84,7 @@ def effective_samples(values: Sequence[float], starts: Sequence[int] = (), error
 
     The sum ends where neighbouring pairs of autocorrelations stop being positive (Geyer's initial positive sequence);
     it is never less than what a first-order process of the same, bias-corrected, first autocorrelation has. Negative
-    correlation is no gain here (`batch_moments`). Where the starts of a series differ by more than the values within
+    correlation is not a gain here (`batch_moments`). Where the starts of a series differ by more than the values within
     them explain, the starts are the samples (batch means; Student's t with their number).
 
     Args:
@@ -106,10 +103,6 @@ def effective_samples(values: Sequence[float], starts: Sequence[int] = (), error
 def starts_differ(values: Sequence[float], starts: Sequence[int]) -> bool:
     """Tell whether starts differ by more than the values within them explain.
 
-    Args:
-        values: as of `effective_samples`.
-        starts: as of `effective_samples`.
-
     Returns:
         False where there is but one start.
     """
@@ -127,8 +120,6 @@ def batch_moments(values: Sequence[float], starts: Sequence[int], error: float) 
 
     Args:
         values: as of `effective_samples`, which finds no positive correlation in them.
-        starts: as of `effective_samples`.
-        error: as of `effective_samples`.
 
     Returns:
         The second and third central moment that as many independent values would have; the second is widened as
@@ -183,7 +174,7 @@ _STARTS_ALIKE = 2.33
 
 
 def _of_starts(values: Sequence[float], bounds: Sequence[int], error: float) -> float | None:
-    """Return what starts that differ are worth; None: they are alike."""
+    """Return the worth of starts that differ; None: they are alike."""
     parts = [values[begin:end] for begin, end in pairwise(bounds) if end > begin]
     count, many = len(values), len(parts)
     mean, means = sum(values) / count, [sum(part) / len(part) for part in parts]

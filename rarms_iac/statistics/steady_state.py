@@ -27,7 +27,7 @@ _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady
 
 
 def steady_part(series: Series) -> Series | Unsteady:
-    """Leave out what is no steady state, by the response times: the warm-up of each run, and runs without any.
+    """Leave out what is not a steady state, by the response times: the warm-up of each run, and runs without any.
 
     Args:
         series: the samples of one component at one setting, in order.
@@ -73,7 +73,6 @@ def answered_before(series: Series, numbers: Sequence[int]) -> list[int]:
 
     Args:
         series: with jobs that may have no answer.
-        numbers: of samples, ascending.
 
     Returns:
         As many counts; the numbers themselves where all jobs answered.
@@ -285,9 +284,7 @@ def least_setting_ms(
 
     Args:
         samples_ms: the time in which the samples come that its thresholds need.
-        load: what runs with it.
         window_ms: the longest of the host's scheduler.
-        is_periodic: as of `least_starts`.
         begins_anew: whether the host can start a load that never pauses again.
 
     Returns:

@@ -46,7 +46,6 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     shown to meet (intersection-union test), so that nothing needs to be shared. That one misses shares the error.
 
     Args:
-        apt: Thresholds by index.
         run: The component's; says how many samples may fail, and the deadline.
         error: The probability, 0..1, with which `Met`, and with which `Missed`, may be wrong.
 
@@ -71,7 +70,6 @@ def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run) -> dict[s
 
     Args:
         series: the samples of one component at one setting, in order.
-        apt: the thresholds by index.
         run: how the component is run, with its deadline.
 
     Returns:
@@ -85,7 +83,6 @@ def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, member
 
     Args:
         series: of one component at one setting, whether it ended early or not.
-        apt: thresholds by index.
         members: components of the setting, which share the error of saying that one of them misses.
 
     Returns:
@@ -103,9 +100,7 @@ def judge_early(
     """Say whether a setting that is being measured may end now, at `FIRST_LOOK` samples or more.
 
     Args:
-        apt: thresholds by index.
         done: the part of the samples that the setting will have at its end, above 0; 1: it has ended.
-        members: as of `judge_look`.
         most_samples: at most so many the setting will have at its end; fewer than an index needs leave it unclear.
 
     Returns:
@@ -259,7 +254,7 @@ def _misses(judged: JudgedIndex) -> bool:
 
 
 def _excesses(judged: JudgedIndex) -> tuple[float, float]:
-    """Return how far the bounds lie beyond the threshold; an extreme is judged by the value seen."""
+    """Return the distance of the bounds beyond the threshold; an extreme is judged by the value seen."""
     index = judged.estimate
     bounds = (index.value, index.value) if index.beyond is not None else (index.lower, index.upper)
     match judged.threshold:

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, NewType, TypeVar, Union, cast, get_a
 
 from rarms_iac.model.output import OpenBound, OutputText, output_hints
 from rarms_iac.model.series import LARGEST_SAMPLE, Sample, SampleColumns, columns_of
-from rarms_iac.storage.ranges import ANY, Range, range_of
+from rarms_iac.storage.ranges import ANY, BY_SETTING, Range, range_of
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
 Encode = Callable[[Any], Json]
@@ -104,7 +104,6 @@ def decode(hint: type[T], data: object) -> T:
 
     Args:
         hint: a class; a union takes `decode_union`.
-        data: what `parse_json` gave.
 
     Returns:
         The value, every field of it checked.
@@ -117,9 +116,6 @@ def decode(hint: type[T], data: object) -> T:
 
 def decode_union(hint: object, data: object) -> Any:
     """Decode as `decode` does, for a union or another type that is not a class.
-
-    Args:
-        data: what `parse_json` gave.
 
     Returns:
         The value.
@@ -135,9 +131,6 @@ N = TypeVar("N", int, float)
 
 def in_range(number: N, allowed: Range, path: str) -> N:
     """Give the number back where its range has it.
-
-    Args:
-        allowed: as of `storage.ranges`.
 
     Returns:
         The same number.
@@ -292,6 +285,8 @@ def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
     decode_field = _decoder(hint)
     if not has_numbers(hint):
         return decode_field
+    if f"{record}.{name}" in BY_SETTING:
+        return _decode_settings(decode_field)
     if (allowed := range_of(record, name)) == ANY:
         return decode_field
 
@@ -300,6 +295,17 @@ def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
         for number in _numbers_in(value):
             in_range(number, allowed, path)
         return value
+
+    return read
+
+
+def _decode_settings(decode_values: Decode) -> Decode:
+    def read(data: Any, path: str) -> Any:
+        values = decode_values(data, path)
+        for name, value in values.items():
+            for number in _numbers_in(value):
+                in_range(number, range_of("PartitionSettings", name), _below(path, name))
+        return values
 
     return read
 
@@ -368,7 +374,7 @@ def _decode_union(members: tuple[Any, ...]) -> Decode:
             return _decoder(kinds[kind])(data, path)
         if len(data) == 1 and (name := next(iter(data))) in wrapped:
             return _decoder(wrapped[name])(data[name], _below(path, name))
-        raise NotDecodable(path, f"it is none of {', '.join(sorted([*kinds, *wrapped]))}")
+        raise NotDecodable(path, f"it is not one of {', '.join(sorted([*kinds, *wrapped]))}")
 
     def read(data: Any, path: str) -> Any:
         if records and type(data) is dict:
@@ -445,7 +451,7 @@ def _decode_samples(data: Any, path: str) -> SampleColumns:
         successful[at] = 0
     failures = _decoder(Mapping[str, str])(given.get("failures", {}), f"{path}.failures")
     if not all(map(_NUMBER_OF_A_SAMPLE.fullmatch, failures)):
-        raise NotDecodable(f"{path}.failures", "its keys are no numbers of samples")
+        raise NotDecodable(f"{path}.failures", "its keys are not numbers of samples")
     sample_numbers(list(map(int, failures)), len(began), f"{path}.failures")
     return SampleColumns(
         began_ms=began,
@@ -460,7 +466,7 @@ def _column(data: Any, path: str, least: float = 0.0, others: type = float) -> "
     """Return a column of numbers, NaN for null. NOTE: it is checked as a whole; a log holds many thousand numbers."""
     types = set(map(type, _array(data, path)))
     if not types <= {int, float, others}:
-        raise NotDecodable(path, "it holds what is no number")
+        raise NotDecodable(path, "it contains a value that is not a number")
     numbers = [value for value in data if value is not None] if NoneType in types else data
     if numbers and not (min(numbers) >= least and max(numbers) <= LARGEST_SAMPLE):
         raise NotDecodable(path, f"a number is below {least:g} or above {LARGEST_SAMPLE:.0e}")
@@ -474,28 +480,28 @@ def sample_numbers(data: Any, length: int, path: str) -> Sequence[int]:
         NotDecodable: it is something else, or a sample is not there.
     """
     if not isinstance(data, list | tuple) or not set(map(type, data)) <= {int}:
-        raise NotDecodable(path, "it is no array of whole numbers")
+        raise NotDecodable(path, "it is not an array of whole numbers")
     if data and (min(data) < 0 or max(data) >= length):
-        raise NotDecodable(path, f"it names a sample that is not there: there are {length}")
+        raise NotDecodable(path, f"it refers to a sample that does not exist: it has {length}")
     return data
 
 
 def _exactly(cls: Any) -> Decode:
     def read(data: Any, path: str) -> Any:
-        if type(data) is not cls:  # so that true is no number
-            raise NotDecodable(path, f"{_shortened(data)} is no {_NAMES[cls]}")
+        if type(data) is not cls:  # so that true is not a number
+            raise NotDecodable(path, f"{_shortened(data)} is not {_NAMES[cls]}")
         return _in_64_bits(data, path) if cls is int else data
 
     return read
 
 
-_NAMES = {str: "text", int: "whole number", bool: "true or false", NoneType: "null"}
+_NAMES = {str: "text", int: "a whole number", bool: "true or false", NoneType: "null"}
 
 
 def _one_of(members: dict[Any, Any]) -> Decode:
     def read(data: Any, path: str) -> Any:
         if type(data) not in (str, int, bool) or data not in members:
-            raise NotDecodable(path, f"{_shortened(data)} is none of {', '.join(map(str, members))}")
+            raise NotDecodable(path, f"{_shortened(data)} is not one of {', '.join(map(str, members))}")
         return members[data]
 
     return read
@@ -503,13 +509,13 @@ def _one_of(members: dict[Any, Any]) -> Decode:
 
 def _decode_float(data: Any, path: str) -> float:
     if type(data) not in (int, float):
-        raise NotDecodable(path, f"{_shortened(data)} is no number")
+        raise NotDecodable(path, f"{_shortened(data)} is not a number")
     return float(_in_64_bits(data, path) if type(data) is int else data)
 
 
 def _decode_fraction(data: Any, path: str) -> Fraction:
     if type(data) is not str or not _FRACTION.fullmatch(data):
-        raise NotDecodable(path, f"{_shortened(data)} is no exact number such as 7 or 1/3")
+        raise NotDecodable(path, f"{_shortened(data)} is not an exact number such as 7 or 1/3")
     return Fraction(data)
 
 
@@ -517,19 +523,19 @@ def _decode_date(data: Any, path: str) -> date:
     try:
         return date.fromisoformat(data)
     except (TypeError, ValueError):
-        raise NotDecodable(path, f"{_shortened(data)} is no date such as 2027-01-31") from None
+        raise NotDecodable(path, f"{_shortened(data)} is not a date such as 2027-01-31") from None
 
 
 def _object(data: Any, path: str) -> dict[str, Any]:
     if type(data) is not dict:
-        raise NotDecodable(path, f"{_shortened(data)} is no object")
+        raise NotDecodable(path, f"{_shortened(data)} is not an object")
     return data
 
 
 def _fields(data: Any, path: str, required: Set[str], known: Set[str]) -> dict[str, Any]:
     given = _object(data, path)
     if unknown := given.keys() - known:
-        raise NotDecodable(_below(path, min(unknown)), "there is no such field")
+        raise NotDecodable(_below(path, min(unknown)), "this field is unknown")
     if missing := required - given.keys():
         raise NotDecodable(_below(path, min(missing)), "the field is missing")
     return given
@@ -537,7 +543,7 @@ def _fields(data: Any, path: str, required: Set[str], known: Set[str]) -> dict[s
 
 def _array(data: Any, path: str) -> list[Any]:
     if type(data) is not list:
-        raise NotDecodable(path, f"{_shortened(data)} is no array")
+        raise NotDecodable(path, f"{_shortened(data)} is not an array")
     return data
 
 

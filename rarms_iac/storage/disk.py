@@ -22,11 +22,7 @@ class FileEffects:
     """The effects on files of this machine, each of which a crash may come before, in the middle of, or after."""
 
     def make_folder(self, folder: Path) -> None:
-        """Make one folder in one that exists; it may be there.
-
-        Args:
-            folder: its parent exists.
-        """
+        """Make one folder in one that exists; it may be there."""
         folder.mkdir(mode=0o775, exist_ok=True)  # under any umask: what others may write, rarms would believe
         give_to_owner(folder, folder.parent.stat())
 
@@ -56,7 +52,7 @@ class FileEffects:
             file.truncate(size)
 
     def flush(self, path: Path) -> None:
-        """Return when the file's content is on the disk itself."""
+        """Write the file's content to the disk itself before returning."""
         with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
             os.fsync(file.fileno())
 
@@ -78,7 +74,7 @@ class FileEffects:
         source.replace(target)
 
     def flush_folder(self, folder: Path) -> None:
-        """Return when the names in the folder are on the disk itself.
+        """Write the names in the folder to the disk itself before returning.
 
         Args:
             folder: in which a name was made, changed or removed.
@@ -122,7 +118,7 @@ def leads_out(path: Path | str) -> bool:
 
 
 class NotRegular(OSError):
-    """What has the name is a folder, a device, a pipe or a socket, or a link that is not followed."""
+    """The name is that of a folder, a device, a pipe or a socket, or of a link that is not followed."""
 
     def __init__(self, path: Path | str, kind: str) -> None:
         super().__init__(0, f"it is {kind}, not a regular file", str(path))
@@ -133,10 +129,7 @@ A_LINK, LEADS_OUT = "a symbolic link", "a link that leads out of the repository"
 
 
 def kind_of(mode: int) -> str:
-    """Name what is no regular file.
-
-    Args:
-        mode: its `st_mode`.
+    """Name what is not a regular file.
 
     Returns:
         What it is, with its article; empty: a regular file.
@@ -157,7 +150,7 @@ def advice_on(error: OSError, otherwise: str) -> str:
     """
     match error:
         case NotRegular(kind=kind) if kind in {A_LINK, LEADS_OUT}:
-            return "Remove the link; what it leads to can be copied or mounted there instead."
+            return "Replace the link with a copy or a mount of its target."
         case NotRegular():
             return "Remove it, or put a regular file there."
         case PermissionError():
@@ -213,9 +206,6 @@ def check_folder(folder: Path) -> None:
     """Refuse what lies in a `.rarms` or `measurements` that a link takes out of the repository.
 
     A pull request that brings such a link must not choose where rarms writes.
-
-    Args:
-        folder: that need not exist.
 
     Raises:
         NotRegular: the folder, or one above it, is such a link.

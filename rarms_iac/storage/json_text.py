@@ -73,28 +73,23 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         names = [name for name, _ in pairs]
-        raise NotDecodable(
-            "", f"the key {quoted(next(name for name in names if names.count(name) > 1))} is there twice"
-        )
+        raise NotDecodable("", f"the key {quoted(next(name for name in names if names.count(name) > 1))} occurs twice")
     return found
 
 
 def _finite(digits: str) -> float:
     number = float(digits)
     if not isfinite(number):
-        raise NotDecodable("", f"{digits[:20]} is too large a number")
+        raise NotDecodable("", f"the number {digits[:20]} is too large")
     return number
 
 
 def _refuse_constant(name: str) -> Json:
-    raise NotDecodable("", f"{name} is no number")
+    raise NotDecodable("", f"{name} is not a number")
 
 
 def digest(value: object) -> str:
     """Return the SHA-256 of the canonical JSON, in 64 hex digits.
-
-    Args:
-        value: as of `canonical`.
 
     Returns:
         Lower case.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from rarms_iac.model.changes import Address, Change, Update
-from rarms_iac.model.facets import LABELS, setting_text, setting_values, settings_of
+from rarms_iac.model.facets import LABELS, setting_values, settings_of
 from rarms_iac.model.state import (
     Partition,
     PartitionSettings,
@@ -21,6 +21,7 @@ from rarms_iac.model.state import (
     TaskClass,
 )
 from rarms_iac.storage.json_text import digest, short
+from rarms_iac.texts.plans import setting_text
 
 
 def set_of_settings(settings: PartitionSettings) -> str:

@@ -3,7 +3,7 @@
 The id is a digest of what the plan does, without the scripts, which carry the id themselves, and without the paths of
 files, which depend on where it is made. `applying.make_plan.make_again` makes the plan of a file's inputs. A script is
 signed by a remark at its end, over its text, so that a host's journal carries it with the script. A script holds the
-digest of the undo script beside it, so that one is signed first.
+digest of the undo script next to it, so that one is signed first.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from typing import Any, Literal, cast
 
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.plan import HostPlan, Plan, PlanInputs
+from rarms_iac.model.plan import HostPlan, HostSteps, Plan, PlanInputs, RunIdentity
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
@@ -26,7 +26,7 @@ from rarms_iac.storage.json_text import canonical, digest, digest_of_texts, pars
 FORMAT = "rarms-plan/3"
 MAX_BYTES = 64 * 2**20
 
-ANOTHER_PLAN = Finding.error("RARMS180", "The plan file does not make its plan")
+ANOTHER_PLAN = Finding.error("RARMS180", "The plan file does not match its plan")
 UNREADABLE = Finding.error("RARMS188", "This is not a plan file")
 _WITH_THIS_VERSION = prose("Make the plan again with this version of rarms: ", PLAN_OUT, ".")
 
@@ -88,8 +88,13 @@ def plan_id(plan: Plan) -> str:
     return short(digest(document))
 
 
+def run_id(run: RunIdentity, on: HostSteps) -> str:
+    """Return 12 hex digits of a run of one host that has no plan."""
+    return short(digest([encode(replace(run, id="")), encode(on)]))
+
+
 def _bare(host: HostPlan) -> HostPlan:
-    """Return what a host's part of a plan does: without scripts, which follow from it, and without its signature."""
+    """Return a host's part of a plan without its signature, and without scripts, which follow from it."""
     return replace(host, scripts={}, signature="")
 
 
@@ -122,12 +127,7 @@ def has_signed_file(plan: Plan, key: bytes) -> bool:
 
 
 def signature_of(plan: str, application: str, host: HostPlan, key: bytes) -> str:
-    """Return the signature of a host's part of a plan.
-
-    Args:
-        plan: its id.
-        key: as of `signed`.
-    """
+    """Return the signature of a host's part of a plan."""
     text = canonical([plan, application, encode(_bare(host))])
     return hmac.new(key, text.encode("ascii"), hashlib.sha256).hexdigest()
 
@@ -156,7 +156,7 @@ def decode_plan_file(data: bytes) -> PlanFile:
     Raises:
         PlanFileError: it is not one, or another version of rarms wrote it.
     """
-    advice = prose("Give a file that ", PLAN_OUT, " wrote.")
+    advice = prose("Give a file written by ", PLAN_OUT, ".")
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:
@@ -165,7 +165,7 @@ def decode_plan_file(data: bytes) -> PlanFile:
         raise PlanFileError("it is not a plan file", advice)
     if document["format_version"] != FORMAT:
         raise PlanFileError(
-            f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}",
+            f"its format is {quoted(document['format_version'])}; this rarms reads {FORMAT}",
             _WITH_THIS_VERSION,
         )
     try:
@@ -174,7 +174,7 @@ def decode_plan_file(data: bytes) -> PlanFile:
         raise PlanFileError(str(error), _WITH_THIS_VERSION) from error
     own = file.inputs.versions.get("rarms", "")
     if own != __version__:
-        raise PlanFileError(f"rarms {quoted(own)} made it, and this is rarms {__version__}", _WITH_THIS_VERSION)
+        raise PlanFileError(f"it was made by rarms {quoted(own)}; this is rarms {__version__}", _WITH_THIS_VERSION)
     return file
 
 
@@ -214,7 +214,6 @@ def is_signed_script(text: str, key: bytes) -> bool:
 
     Args:
         text: of the script, without what Windows adds to sign it.
-        key: as of `signed_scripts`.
     """
     found = _REMARK.search(text)
     return found is not None and hmac.compare_digest(found[1], _signature(text[: found.start()], key))

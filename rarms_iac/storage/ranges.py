@@ -20,12 +20,14 @@ PROCESSORS: Range = (1, 2048)
 """As many as a manifest can give to a host."""
 
 RANGES: Mapping[str, Range] = {
+    "ahead_ms": ANY,
     "began_ms": ANY,
     "beside": PERCENT,
     "bits": (1, 128),
     "Claim.processors": (0, 2**20),
     "cores": PROCESSORS,
     "deadline_percent": PERCENT,
+    "real_time_percent": PERCENT,
     "Diagnostic.values": ANY,
     "error": (0, 1),
     "generation": (0, 2),
@@ -41,10 +43,6 @@ RANGES: Mapping[str, Range] = {
     "Setting.processors": (0, 2048),
     "Setting.spent_ms": TIME,
     "reserve": PERCENT,
-    "Set.after": ANY,
-    "Set.before": ANY,
-    "Step.after": ANY,
-    "Step.before": ANY,
     "thread_priority": (0, 31),
     "threads": (1, 2048),
     "times": AT_LEAST_ONE,
@@ -54,6 +52,9 @@ RANGES: Mapping[str, Range] = {
     "value": ANY,
     "weight": (0, 10_000),
 }
+
+BY_SETTING = frozenset({"Set.after", "Set.before", "Step.after", "Step.before"})
+"""Fields that have readings by name: a number there has the range of the setting of its name."""
 
 
 def range_of(record: str, field: str) -> Range:

@@ -44,9 +44,9 @@ def open_regular(path: Path | str) -> BinaryIO:
         The file at its first byte.
 
     Raises:
-        NotRegular: it is no regular file: a pipe would block, a device may be endless. Or it is a file of the kernel,
-            or a link that leads out.
-        OSError: there is no such file, or the system does not let us read it.
+        NotRegular: it is not a regular file: a pipe would block, a device may be endless. Or it is a file of the
+            kernel, or a link that leads out.
+        OSError: no such file, or the system does not let us read it.
         ValueError: no file can have this name (it holds a NUL).
     """
     if leads_out(path):
@@ -79,28 +79,53 @@ def _open(path: Path | str) -> int:
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     for _ in range(_RETRIES):
         try:
-            return os.open(path, flags)
+            return _open_once(path, flags)
         except PermissionError:
             if sys.platform != "win32":
                 raise
             if Path(path).is_dir():  # Windows opens no folder, and says it has no right to
                 raise NotRegular(path, "a folder") from None
             time.sleep(_RETRY_SECONDS)  # Windows: another process is replacing the file right now
-    return os.open(path, flags)
+    return _open_once(path, flags)
+
+
+if sys.platform == "win32":
+
+    def _open_once(path: Path | str, flags: int) -> int:
+        """Open a file that others may write, replace and remove meanwhile: Python's own call lets nobody remove it."""
+        import msvcrt
+
+        import pywintypes
+        import win32con
+        import win32file
+
+        if "\0" in str(path):
+            raise ValueError("embedded null character")  # as Python says it; Windows would read the name up to it
+        share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE | win32con.FILE_SHARE_DELETE
+        try:
+            file = win32file.CreateFile(str(path), win32con.GENERIC_READ, share, None, win32con.OPEN_EXISTING, 0, None)
+        except pywintypes.error as problem:
+            code, _, reason = problem.args
+            raise OSError(0, reason, str(path), code) from None
+        return msvcrt.open_osfhandle(file.Detach(), flags)
+
+else:
+
+    def _open_once(path: Path | str, flags: int) -> int:
+        return os.open(path, flags)
 
 
 def read_file(path: Path | str, limit: int) -> bytes:
     """Read a whole regular file.
 
     Args:
-        path: a link is followed.
         limit: bytes that the file may have.
 
     Returns:
         All of its bytes; no more memory than they take is used.
 
     Raises:
-        NotRegular: it is no regular file.
+        NotRegular: it is not a regular file.
         TooLarge: it has more bytes than the limit.
         OSError: as `open_regular`.
         ValueError: as `open_regular`.
@@ -126,7 +151,7 @@ def read_input(path: str, limit: int) -> bytes:
         All of its bytes.
 
     Raises:
-        NotRegular: it is no regular file.
+        NotRegular: it is not a regular file.
         TooLarge: it has more bytes than the limit.
         OSError: as `open_regular`.
         ValueError: as `open_regular`.

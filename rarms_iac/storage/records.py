@@ -31,7 +31,7 @@ LENGTH, CHECKSUM = "length", "checksum"
 _SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?\n')
 _SEAL_SPACE = 128  # bytes that a seal takes at most
 _DAMAGE = "the record is damaged: its length or checksum does not fit its text"
-_CONFLICT = "git left the marks of a merge conflict here"
+_CONFLICT = "it contains the markers of a merge conflict"
 _CONFLICT_MARKS = (b"<<<<<<< ", b"||||||| ", b"=======", b">>>>>>> ")
 
 
@@ -93,9 +93,6 @@ class LogLine:
 def log_lines(lines: Iterable[bytes], path: Path) -> Iterator[LogLine]:
     """Go through the whole lines of a log that is kept in git; of equal ones the first.
 
-    Args:
-        lines: each with its end.
-
     Yields:
         Lines in their order, up to a last one that a crash tore.
 
@@ -116,7 +113,7 @@ def iterate_log(path: Path) -> Iterator[LogLine]:
     A long log need not be in memory as a whole.
 
     Yields:
-        Lines in their order, up to a last one that a crash tore; none where there is no file.
+        Lines in their order, up to a last one that a crash tore; none without a file.
 
     Raises:
         TooLarge: the file has more than `LOG_LIMIT` bytes.
@@ -240,10 +237,10 @@ def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
     try:
         decoded = text.decode("ascii")
     except UnicodeDecodeError:
-        raise Damaged(path, number, "the record is not ASCII, as rarms writes it") from None
+        raise Damaged(path, number, "the record is not ASCII") from None
     data = parse_json(decoded)
     if not isinstance(data, dict):
-        raise Damaged(path, number, "the record is no object")
+        raise Damaged(path, number, "the record is not an object")
     return data
 
 

@@ -1,4 +1,4 @@
-"""Finds what is shipped beside the code: schemas, manifests, templates and the findings' pages.
+"""Finds what is shipped next to the code: schemas, manifests, templates and the findings' pages.
 
 A finding's page says which severity it has, and whether a policy may accept it.
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 SHIPPED = ("docs/findings", "locked-requirements.txt", "manifests", "schemas", "templates")
-"""What lies beside the package in the checkout and travels in a wheel, as `pyproject.toml` says."""
+"""What lies next to the package in the checkout and travels in a wheel, as `pyproject.toml` says."""
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -44,9 +44,6 @@ def shipped(relative: str) -> Path:
 def shipped_text(relative: str) -> str:
     """Return the text of a shipped file, with LF on every system.
 
-    Args:
-        relative: as of `shipped`.
-
     Returns:
         UTF-8, decoded.
 
@@ -57,7 +54,9 @@ def shipped_text(relative: str) -> str:
 
 
 def shipped_files() -> Iterator[tuple[str, bytes]]:
-    """Go through all files of this copy of rarms, as they lie in a wheel.
+    """Go through all files of this copy of rarms, as they lie in a wheel for any machine.
+
+    What was compiled for this machine is left out: another one may have another processor.
 
     Yields:
         The path in the wheel, with `/`, and the content.
@@ -72,7 +71,8 @@ def shipped_files() -> Iterator[tuple[str, bytes]]:
             in_wheel = "/".join((name, *relative))
             is_twice = root == _PACKAGE and relative[0] == "shipped"
             is_hidden = "__pycache__" in relative or any(part.startswith(".") for part in relative)
-            if path.is_file() and not is_twice and not is_hidden:
+            is_compiled = path.suffix in {".so", ".pyd"}
+            if path.is_file() and not (is_twice or is_hidden or is_compiled):
                 yield in_wheel, path.read_bytes()
 
 
@@ -95,7 +95,7 @@ def known_codes() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FindingPage:
-    """What a finding means and how to resolve it."""
+    """The meaning of a finding, and its resolution."""
 
     kind: Literal["explanation"] = "explanation"
     subject: str  # its code
@@ -105,9 +105,6 @@ class FindingPage:
 def finding_page(code: str) -> str | None:
     """Return the finding's page as it is written, or None where there is none of that code.
 
-    Args:
-        code: such as `RARMS014`.
-
     Returns:
         Markdown.
     """
@@ -115,7 +112,7 @@ def finding_page(code: str) -> str | None:
 
 
 def severity_line(page: str) -> str:
-    """Return what the page says of the severity: `warning`, `error`, or `error, can be accepted`.
+    """Return the severity as the page says it: `warning`, `error`, or `error, can be accepted`.
 
     Returns:
         The words as the page has them.

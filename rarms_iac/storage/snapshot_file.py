@@ -39,7 +39,7 @@ def read_snapshot(data: bytes) -> State:
         The state; it says of what could not be looked at that it is not known.
 
     Raises:
-        SnapshotUnreadable: it is no snapshot, or one of another version.
+        SnapshotUnreadable: it is not a snapshot, or one of another version.
     """
     try:
         document = parse_json(data.decode("utf-8-sig"))
@@ -49,9 +49,7 @@ def read_snapshot(data: bytes) -> State:
     if not isinstance(document, dict) or "format_version" not in document:
         raise SnapshotUnreadable("it has no `format_version`")
     if document["format_version"] != FORMAT:
-        raise SnapshotUnreadable(
-            f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}"
-        )
+        raise SnapshotUnreadable(f"its format is {quoted(document['format_version'])}; this rarms reads {FORMAT}")
     try:
         return decode(State, document.get("state"))
     except NotDecodable as error:

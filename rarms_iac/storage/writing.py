@@ -33,7 +33,7 @@ class Locked(Exception):
     """Another process holds the lock."""
 
     def __init__(self, path: Path, owner: str) -> None:
-        super().__init__(f"{path} is held by {owner}")
+        super().__init__(f"{path} is locked by {owner}")
         self.path = path
         self.owner = owner
 
@@ -52,7 +52,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
     Raises:
         Locked: another process holds it, after waiting so long.
-        OSError: what has the name is no regular file, or the system refuses.
+        OSError: what has the name is not a regular file, or the system refuses.
     """
     is_new = not path.exists()
     descriptor = open_to_write(path, os.O_CREAT)
@@ -71,10 +71,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
 
 def read_owner(path: Path) -> str:
-    """Return who holds the lock, or held it when it was killed; empty if unknown.
-
-    Args:
-        path: of the lock's file.
+    """Return the holder of the lock, or the one that was killed with it; empty if unknown.
 
     Returns:
         The words that `hold` was given; whether the lock is held now is not looked at.
@@ -87,7 +84,7 @@ def read_owner(path: Path) -> str:
 
 
 def read_holder(path: Path) -> str:
-    """Return who holds the lock now, without waiting; try it if a killed process may have left its name.
+    """Return the present holder of the lock, without waiting; try it if a killed process may have left its name.
 
     Args:
         path: of the lock's file, which need not be there.
@@ -182,11 +179,7 @@ def owner() -> str:
 
 
 def act_for(by: str) -> None:
-    """Have `owner` answer with the run on another computer that asked this one.
-
-    Args:
-        by: what `owner` returned there.
-    """
+    """Have `owner` answer with the run on another computer that asked this one."""
     _acting_for.set(by)
 
 
@@ -221,7 +214,7 @@ def replace(path: Path, data: bytes, like: os.stat_result | None = None) -> None
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove what killed writers of this file left beside it. Only for who holds the lock that all its writers take.
+    """Remove what killed writers of this file left next to it. Only for who holds the lock that all its writers take.
 
     Args:
         path: of the file, which stays.
@@ -231,7 +224,7 @@ def remove_leftovers(path: Path) -> None:
 
 
 def remove_leftovers_of_ended(path: Path) -> None:
-    """Remove what killed writers left beside a file that needs no lock: that of processes that are no longer there.
+    """Remove what killed writers left next to a file that needs no lock: that of processes that are no longer there.
 
     Args:
         path: of the file, which stays.
@@ -282,7 +275,6 @@ def append(path: Path, record: Record) -> None:
 
     Args:
         path: the journal; not a link.
-        record: as of `sealed_line`.
 
     Raises:
         Damaged: a record that is there is not as it was written; nothing was added.

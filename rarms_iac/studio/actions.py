@@ -36,7 +36,7 @@ from rarms_iac.studio.work import Ending, Transcript
 from rarms_iac.views.measure import summary_text
 from rarms_iac.views.run import run_text, undo_text
 from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text
-from rarms_iac.views.verdicts import proof_text
+from rarms_iac.views.verdicts import proof_text, stopped_proof
 
 WAITS = WaitLimits(silence_ms=SILENCE_MS)
 
@@ -45,7 +45,7 @@ Percent = Annotated[int, Field(ge=1, le=100)]
 
 @dataclass(slots=True, kw_only=True)
 class Workspace:
-    """What actions work on: the manifest, and the plan that was made last on the page."""
+    """The objects of all actions: the manifest, and the last plan that was made on the page."""
 
     source: ManifestSource
     plan: Plan | None = None
@@ -81,7 +81,7 @@ class Action(BaseModel):
             stop: asked as use cases ask.
 
         Returns:
-            How it ended: failed, too, where the answer is no.
+            How it ended; failed also if it has no result.
 
         Raises:
             RequestError: it cannot be done as it was asked.
@@ -143,7 +143,7 @@ class MeasureAction(Action):
 
 def _measuring(transcript: Transcript, stop: StopSignal, *, stops: bool, on_busy_host: bool) -> Control:
     if stops and on_busy_host:
-        raise RequestError("Partitions are either stopped, or run during the measurement: choose one of the two boxes.")
+        raise RequestError("Choose only one of the two boxes for partitions: stop them, or measure while they run.")
     return Control(reporter=transcript, stop=stop, consents=always_consents if stops else never_consents)
 
 
@@ -169,7 +169,7 @@ class TuneAction(Action):
         hosts = workspace.hosts()
         control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
         request = TuneRequest(dry_run=self.dry_run, on_busy_host=self.on_busy_host)
-        result = tune_components(hosts, request, control, WatchedTuning(transcript.say, transcript))
+        result = tune_components(hosts, request, control, WatchedTuning(transcript.say))
         for sentence in manifest_changes(result):
             transcript.message(sentence)
         transcript.findings(result.findings, hosts.manifest.sources)
@@ -188,16 +188,16 @@ class ProveAction(Action):
         return command("prove", load_host=self.load_host, without_load=self.without_load)
 
     def run(self, workspace: Workspace, transcript: Transcript, stop: StopSignal) -> Ending:
-        """Prove; nothing is recorded where it is stopped."""
+        """Prove; where it is stopped, the loads that had ended are recorded."""
         if not (self.load_host or self.without_load):
-            raise RequestError(
-                "A proof uses all idle time of the hosts: say so in its box, or prove what holds without load."
-            )
+            raise RequestError("A proof loads the hosts fully. Check the box to confirm, or prove without load.")
         hosts = workspace.hosts()
         request = ProveRequest(load_host=self.load_host, without_load=self.without_load)
         outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop))
         if outcome.stopped:
-            transcript.message("Stopped. Of a proof that is stopped nothing is recorded.")
+            if outcome.proofs:
+                transcript.say(proof_text(outcome.proofs))
+            transcript.message(stopped_proof(outcome, request))
             return "stopped"
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(proof_text(outcome.proofs))
@@ -253,7 +253,7 @@ class ApplyAction(Action):
         """Apply exactly the plan that was shown."""
         plan = workspace.plan
         if plan is None or plan.id != self.plan:
-            raise RequestError(f"Plan {self.plan} is not the last one of this page: plan again.")
+            raise RequestError(f"A newer plan than {self.plan} exists. Plan again.")
         _refuse_other_name(self.application, plan.application)
         source = workspace.source
         refuse_contradiction(plan, source)
@@ -318,13 +318,15 @@ class UndoPreviewAction(Action):
 
 def _refuse_other_name(typed: str, name: str) -> None:
     if typed != name:
-        raise RequestError(f"{quoted(typed)} is not the application's name: type {quoted(name)}.")
+        raise RequestError(f"{quoted(typed)} is not the application's name. Type {quoted(name)}.")
 
 
 def _ending(transcript: Transcript, findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
-    """Return how a measurement or a search ended, after telling a stop."""
+    """Return the ending of a measurement or a search, after reporting a stop."""
     if stopped:
-        transcript.message("Stopped. Results are saved; run the same command to continue.")
+        transcript.message(
+            "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
+        )
         return "stopped"
     return "failed" if has_errors(findings) else "done"
 

@@ -1,6 +1,6 @@
 """Who may talk to the studio: one browser, by a token that works once and a cookie from then on. Others get 403.
 
-Loopback is no border between the users of a machine, and any page in the same browser can send requests to it. So each
+Loopback does not separate the users of a machine, and any page in the same browser can send requests to it. So each
 request must name this server (`Host`, against DNS rebinding), come from its own page (`Origin`, `Sec-Fetch-Site`), and
 carry the cookie. Cookies do not tell ports apart, so this one is bound to a path that cannot be guessed: another server
 on this machine is never sent it.
@@ -27,7 +27,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from rarms_iac.app.use_case_errors import RequestError
-from rarms_iac.model.wording import reason_of
+from rarms_iac.texts.messages import reason_of
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -58,9 +58,8 @@ _ENTRANCE = (
     '<title>rarms studio</title></head><body><p><a href="{path}">rarms studio</a></p></body></html>'
 )
 _REFUSED = (
-    "403: this studio does not know this browser, and its first address works once.\n"
-    "Go on in the browser in which it was opened. For another browser end rarms studio with Ctrl-C "
-    "and start it again.\n"
+    "403: this browser is not allowed. The start address works only once.\nUse the browser in which "
+    "it was opened. For another browser, end rarms studio with Ctrl-C and start it again.\n\n"
 )
 
 
@@ -70,7 +69,7 @@ def _secret() -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Keys:
-    """What lets a browser in."""
+    """The secrets that let a browser in."""
 
     folder: str = field(default_factory=_secret)  # the path that the cookie is bound to
     cookie: str = field(default_factory=_secret)
@@ -91,8 +90,6 @@ class Guard:
     """An ASGI application that hands requests of the one browser on to another, below `Keys.path`.
 
     Args:
-        inner: what the browser reaches.
-        port: of the loopback interface.
         keys: what lets the browser in.
     """
 
@@ -120,7 +117,7 @@ class Guard:
         await (answer or self._inner)(scope, receive, send_with_headers)
 
     def _answer(self, request: Request) -> Response | None:
-        """Return what the guard itself answers; None: the browser may pass."""
+        """Return the guard's own answer; None: the browser may pass."""
         if not self._is_addressed(request.headers):
             return _refused()
         path, method = request.url.path, request.method

@@ -27,7 +27,7 @@ from rarms_iac.storage.disk import MEASUREMENTS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knowledge:
-    """What is known of an application at a moment."""
+    """The known state of an application at a moment."""
 
     version: str  # of the files that it was read from
     manifest: Manifest | None = None  # None: it has errors
@@ -97,7 +97,7 @@ def look(source: ManifestSource, version: str) -> Knowledge:
     except UseCaseError as error:
         findings = first_of_each_kind(in_order((*known.findings, *error.findings)))
         return replace(known, findings=findings, sources=error.sources or known.sources)
-    except OSError as error:  # a log that is no regular file, or that may not be read
+    except OSError as error:  # a log that is not a regular file, or that may not be read
         return replace(known, findings=first_of_each_kind(in_order((*known.findings, system_finding(error)))))
 
 
@@ -117,7 +117,7 @@ class Watch:
         self._looks = 0
 
     def knowledge(self) -> Knowledge:
-        """Return what is known; it is looked up again if a file changed."""
+        """Return the present knowledge; it is looked up again if a file changed."""
         with self._lock:
             version = self._version()
             if self._known is None or self._known.version != version:
@@ -125,7 +125,7 @@ class Watch:
             return self._known
 
     def version(self, *, is_running: bool) -> str:
-        """Return what changes with each file, and from time to time where a host has no file here.
+        """Return a text that changes with each file, and from time to time where a host has no file here.
 
         Args:
             is_running: whether a use case runs, which is left alone with its hosts.
@@ -143,7 +143,7 @@ class Watch:
         return f"{files_version(self._source, folders)}{f'-{self._looks}' if is_looked_at else ''}"
 
     def forget(self) -> None:
-        """Let everything be looked up again: a host that is no file may have changed."""
+        """Let everything be looked up again: a host that is not a file may have changed."""
         with self._lock:
             if self._known is not None:
                 self._known = replace(self._known, version="")

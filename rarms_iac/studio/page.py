@@ -21,12 +21,13 @@ from rarms_iac.measuring.prove import ProveRequest
 from rarms_iac.measuring.tune import TuneRequest
 from rarms_iac.model.commands import PLAN, START, RecommendedCommand, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
-from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
+from rarms_iac.texts.indexes import show_threshold
 from rarms_iac.views.console import UNLIMITED, plain_text, render
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.reports.html import render_page
@@ -54,9 +55,6 @@ class PlanOnPage:
 def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) -> PlanOnPage | None:
     """Show the plan that was made last on the page.
 
-    Args:
-        manifest_options: what commands end with.
-
     Returns:
         None: there is none, or it was applied there.
     """
@@ -69,7 +67,7 @@ def plan_on_page(known: Knowledge, workspace: Workspace, manifest_options: str) 
     serials = {host.name: host.compared.serial for host in hosts if host.compared}
     moved = [part.name for part in plan.hosts if serials.get(part.name, part.serial) != part.serial]
     if moved:
-        notes.append(f"Something was applied to {in_a_row(moved)} since this plan was made: plan again.")
+        notes.append(f"{in_a_row(moved)} changed since this plan was made. Plan again.")
     return PlanOnPage(
         id=plan.id,
         text=render(plan_text(plan, sources=known.sources), UNLIMITED, manifest=manifest_options),
@@ -89,7 +87,7 @@ def _script(since: ScriptSince) -> tuple[str, str, str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudioSettings:
-    """What is served, and how."""
+    """The settings of the studio: what it serves, and how."""
 
     source: ManifestSource
     manifest_options: str = ""  # what recommended commands end with, such as ` -f cell`
@@ -142,11 +140,11 @@ class ComponentOnPage:
 
 
 LABELS = {
-    "stop_partitions": "Stop the application's partitions meanwhile",
-    "on_busy_host": "Measure with what runs on the host",
+    "stop_partitions": "Stop the application's partitions while measuring",
+    "on_busy_host": "Measure while other work runs on the host",
     "weak_load": "Accept loads that leave processors idle",
-    "dry_run": "Leave the manifest as it is",
-    "load_host": "Use all idle time of the hosts",
+    "dry_run": "Do not change the manifest",
+    "load_host": "Allow full load on the hosts",
     "without_load": "Prove without load",
 }
 COARSE = Box(
@@ -168,7 +166,7 @@ def _boxes(request: type, *names: str) -> Iterator[Box]:
 
 
 def _boxes_of_running(request: type) -> tuple[Box, Box]:
-    """Return what is done with partitions that run meanwhile: they are stopped, or left."""
+    """Return the boxes for partitions that run meanwhile: they are stopped, or left."""
     busy = next(_boxes(request, "on_busy_host"))
     stop = _box("stop_partitions", STOP_PARTITIONS, excludes=busy.name)
     return stop, replace(busy, excludes=stop.name)
@@ -294,12 +292,12 @@ def _report(known: Knowledge, workspace: Workspace) -> Report:
 
 
 def _remark(host: str, known: Knowledge) -> str:
-    assert known.manifest is not None, "it names the host"
+    assert known.manifest is not None, "the label is the host's name"
     if is_followed(known.manifest.system.hosts[host]):
         return ""
     return (
-        f"Asked at {known.looked_at}. What is changed there by others is seen within {LOOK_SECONDS} s while nothing "
-        "runs here; whether another run holds this host is not seen."
+        f"Read at {known.looked_at}. Changes by other tools appear within {LOOK_SECONDS} s if nothing "
+        "runs here. Locks by other runs are not shown."
     )
 
 
@@ -309,7 +307,7 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
         problems = tuple(str(sentences(problem.detail, problem.advice)) for problem in host.problems)
         return HostOnPage(
             name=host.name,
-            sentence="could not be looked at",
+            sentence="could not be read",
             parts=(),
             partitions=None,
             problems=problems,
@@ -360,5 +358,5 @@ def _components(known: Knowledge, report: Report) -> Iterator[ComponentOnPage]:
             apt=tuple(apt),
             reserve=reserves[0] if reserves else "not known",
             share=shares[0] if shares else "",
-            verdicts=verdicts or ("no host has it in its layout",),
+            verdicts=verdicts or ("it is not in the layout of any host",),
         )

@@ -55,7 +55,7 @@ class LevelBody(BaseModel):
 
 
 class LevelsBody(BaseModel):
-    """What the page sends."""
+    """The levels that the page sends."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
@@ -65,7 +65,7 @@ class LevelsBody(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelsAnswer:
-    """What follows from levels."""
+    """The consequences of levels."""
 
     text: str  # as `rarms select` says it
     difference: str  # of the manifest; empty: it says so already
@@ -92,11 +92,13 @@ def answer_levels(source: ManifestSource, body: LevelsBody) -> LevelsAnswer:
     if body.digest:
         if body.digest != digest:
             names = in_a_row([edit.file for edit in proposal.edits])
-            raise RequestError(f"The manifest ({names}) has changed since this difference was shown: look at it again.")
+            raise RequestError(
+                f"The manifest ({names}) has changed since this difference was shown. Load the page again."
+            )
         write_levels(proposal)
     last = proposal.selections[-1]  # says the headroom, which is the same for all
     selections = (*(replace(each, totals={}, why_no_headroom="") for each in proposal.selections[:-1]), last)
-    differences = (diff_text(edit.before, edit.after, edit.file, "as it is to be") for edit in proposal.edits)
+    differences = (diff_text(edit.before, edit.after, edit.file, "after the change") for edit in proposal.edits)
     return LevelsAnswer(
         text="".join(render(selection_text(selection), UNLIMITED) for selection in selections),
         difference="".join(differences),
@@ -121,7 +123,7 @@ SCRIPTS = (*MODULES, "patch.js", "studio.js")
 
 
 class StopBody(BaseModel):
-    """Which use case is to end."""
+    """The use case that is to end."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
@@ -132,7 +134,6 @@ class Studio:
     """The application behind the guard.
 
     Args:
-        settings: what is served.
         stop: says when what runs is to end.
         watch: keeps what is known; None: of the settings' manifest.
     """
@@ -146,7 +147,7 @@ class Studio:
         self.work = TaskRunner(stop, settings.manifest_options, self._watch.forget)
 
     def routes(self) -> list[Route]:
-        """Return what the browser may ask for, below the guard's path."""
+        """Return the routes below the guard's path."""
         return [
             Route("/", self._page),
             Route("/style.css", self._style),
@@ -186,14 +187,14 @@ class Studio:
     async def _module(self, request: Request) -> Response:
         name = request.path_params["name"]
         if name not in SCRIPTS:
-            return PlainTextResponse("There is no such module.\n", HTTPStatus.NOT_FOUND)
+            return PlainTextResponse("This module does not exist.\n", HTTPStatus.NOT_FOUND)
         return Response(shipped_text(f"{FOLDER}/{name}"), media_type="text/javascript")
 
     async def _events(self, _request: Request) -> Response:
         return StreamingResponse(self._news(), media_type="text/event-stream")
 
     async def _news(self) -> AsyncIterator[str]:
-        """Return what changed, until the browser or the server ends."""
+        """Yield news of files and work, until the browser or the server ends."""
         sent_work = sent_files = ""
         latest: tuple[int, Ending] | None = None
         tick = 0
@@ -240,7 +241,7 @@ class Studio:
     async def _do(self, request: Request) -> Response:
         kind = ACTIONS.get(request.path_params["action"])
         if kind is None:
-            return PlainTextResponse("There is no such action.\n", HTTPStatus.NOT_FOUND)
+            return PlainTextResponse("This action does not exist.\n", HTTPStatus.NOT_FOUND)
         body = await _read(request, kind)
         if isinstance(body, Response):
             return body
@@ -255,7 +256,7 @@ class Studio:
         try:
             self.work.start(command_text(action.command(), self._settings.manifest_options), task)
         except WorkRefused:
-            return _refusal("Something runs already: wait for its end, or stop it.")
+            return _refusal("An action is already running. Wait for its end, or stop it.")
         return JSONResponse({"number": self.work.state().number})
 
     def _describe(self, error: RequestError | UseCaseError) -> str:
@@ -276,7 +277,7 @@ async def _read(request: Request, kind: type[Body]) -> Body | Response:
     try:
         return kind.model_validate_json(body)
     except ValidationError:
-        return PlainTextResponse("The page sent what this studio does not know: load it again.\n", 422)
+        return PlainTextResponse("The page sent an unknown request. Load the page again.\n", 422)
 
 
 def _refusal(message: str) -> Response:
@@ -309,7 +310,6 @@ def serve(
     Args:
         stop: asked several times a second.
         announce: called with the first address, with its token, once requests are taken.
-        watch: as of `Studio`.
 
     Raises:
         RequestError: the port is taken.
@@ -320,7 +320,7 @@ def serve(
     keys, studio = Keys(), Studio(settings, stop, watch)
     config = uvicorn.Config(
         guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
-        log_level="error",  # what strangers send wrongly is no news for the terminal
+        log_level="error",  # what strangers send wrongly is not printed on the terminal
         http=BoundedProtocol, backlog=MOST_ACCEPTED, ws="none", proxy_headers=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = StudioServer(config)

@@ -33,7 +33,7 @@ Ending = Literal["", "done", "shown", "stopped", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkState:
-    """How far a use case is, as the page shows it."""
+    """The progress of a use case, as the page shows it."""
 
     number: int  # of the use case, from 1; 0: none was begun yet
     command: str  # that does the same in a terminal
@@ -48,7 +48,7 @@ class WorkRefused(Exception):
 
 
 class Transcript:
-    """What a use case tells, kept for the page: a `Reporter`, and the `LiveRows` of the terminal's own progress.
+    """The messages of a use case, kept for the page: a `Reporter`, and the `LiveRow` of the terminal's progress.
 
     Args:
         manifest_options: what recommended commands end with, such as ` -f cell`.
@@ -92,7 +92,7 @@ class Transcript:
         return MeasuringProgress(self.say, time.monotonic, self)
 
     def state(self, number: int, command: str, ending: Ending) -> WorkState:
-        """Return what was told until now.
+        """Return the state of the work until now.
 
         Args:
             ending: how it ended; empty: it runs.
@@ -108,11 +108,7 @@ class Transcript:
 
 
 class StepRows(RunReporter):
-    """A row a step of an apply or an undo.
-
-    Args:
-        transcript: takes the rows.
-    """
+    """A row a step of an apply or an undo."""
 
     def __init__(self, transcript: Transcript) -> None:
         self._transcript = transcript
@@ -168,7 +164,6 @@ class TaskRunner:
     """The use case that runs, or the last one.
 
     Args:
-        server: whether the server ends.
         manifest_options: what recommended commands end with.
         ended: called after each use case.
     """
@@ -187,7 +182,7 @@ class TaskRunner:
         self._waiting: Queue[Task] = Queue()  # at most one
 
     def state(self) -> WorkState:
-        """Return how far it is."""
+        """Return its progress."""
         return self._transcript.state(self._number, self._command, self._ending)
 
     def stop(self, number: int) -> None:

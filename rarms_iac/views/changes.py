@@ -9,12 +9,13 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update, count
 from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.facets import LABELS, NO_LIMIT, setting_text, settings_of
+from rarms_iac.model.facets import LABELS, NO_LIMIT, settings_of
 from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors, show_processors
 from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.plans import setting_text
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt
 
 
 def describe_disruption(change: Change) -> str:
-    """Return what a change does to what runs, in words; nothing where it is live."""
+    """Return the disruption of a change in words; nothing where it is live."""
     match change.disruption:
         case Disruption.LIVE:
             return ""
@@ -166,6 +167,7 @@ TITLES = {
     DriftKind.NOT_APPLIED: "not applied yet",
     DriftKind.BOTH: "changed on the host, and not applied yet",
     DriftKind.MISSING: "not there",
+    DriftKind.UNMANAGED: "not managed by rarms",
     DriftKind.REMOVED: "removed from the host",
     DriftKind.UNUSED: "unused",
 }
@@ -178,12 +180,13 @@ def drift_text(report: DriftReport) -> "RenderableType":
     if report.unfinished:
         names = ", ".join(sorted(report.unfinished, key=natural_order))
         parts.append(paragraph(prose(f"A run is unfinished on {names}: ", APPLY, " finishes it.")))
-    elif not problems and PLAN in report.commands:
-        parts.append(paragraph(prose(PLAN, " shows what would make it as the manifest wants it.")))
     if problems:
         reasons = name_findings(problems)
-        parts.append(paragraph(prose(f"The manifest was not compared: {reasons}. ", PLAN, " tells more.")))
-    return stack(*parts, paragraph(styled((_summary(report), STRONG))))
+        parts.append(paragraph(prose(f"The manifest was not compared: {reasons}. ", PLAN, " shows the causes.")))
+    ending = [paragraph(styled((_summary(report), STRONG)))]
+    if not report.unfinished and not problems and PLAN in report.commands:
+        ending.append(paragraph(prose("Next: ", PLAN, " shows the changes that are not applied.")))
+    return stack(*parts, *ending)
 
 
 def name_findings(findings: Sequence[Diagnostic]) -> str:

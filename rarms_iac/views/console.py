@@ -204,7 +204,13 @@ class _HangingIndent:
         if isinstance(content, Text):
             content = content.copy()
             content.overflow = "ignore"
-            content = Text("\n", no_wrap=True, overflow="ignore").join(content.wrap(console, width))
+            first, *others = content.wrap(console, width + self.more)
+            lines = [first, *others]
+            if others and self.more:  # the first line has more room than those below it
+                left = content.plain[len(first) :].lstrip(" ")
+                lines = [first, *content[len(content) - len(left) :].wrap(console, width)]
+            content = Text("\n", no_wrap=True, overflow="ignore").join(lines)
+        width += self.more
         for number, line in enumerate(Segment.split_lines(console.render(content, options.update_width(width)))):
             yield from [blank] if number else self.head.render(console)
             yield from line
@@ -231,7 +237,7 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
 
 @dataclass(frozen=True, slots=True)
 class Harmless:
-    """What rich lays out, with nothing in it that could act on a terminal but what rich itself writes."""
+    """A renderable of rich in which nothing can act on a terminal but rich's own signs."""
 
     content: "RenderableType"
 

@@ -8,6 +8,7 @@ from rarms_iac.app.install import HostInstallation, Installation
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
 from rarms_iac.model.diagnostics import Sources
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 FACTS = (Column("fact"), Column("value", wraps=True))
 
-HEALTHY = "Nothing here makes a plan ineffective or unsafe."
+HEALTHY = "No problems found: the hosts can honour reservations."
 
 
 def doctor_as(form: OutputFormat, examined: Examinations, manifest: Manifest) -> "RenderableType":
@@ -55,7 +56,11 @@ def _rows(examined: SeenHost, application: str) -> Iterator[tuple[str, str]]:
     facts, condition = examined.facts, examined.condition
     yield "computer", facts.computer_name
     kind = "client" if facts.client else "server"
-    yield "Windows", f"build {facts.os_build}, {kind}" if facts.os_build else ""
+    build = f"build {facts.os_build}, {kind}" if facts.os_build else ""
+    if facts.provider is ProviderKind.SIMULATED:
+        yield "simulates", f"Windows, {build}" if build else ""
+    else:
+        yield "Windows", build
     yield "PowerShell", condition.powershell or ""
     yield "module Hyper-V", "" if condition.module is None else ", ".join(condition.module) or "not installed"
     yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
@@ -71,7 +76,7 @@ def _processors(facts: HostFacts, condition: Condition) -> str:
     seen = condition.seen_processors  # by the host's own Windows
     parts = [show_processors(facts.logical_processors)]
     parts += ["SMT"] if facts.smt else []
-    parts += [f"{seen} of them seen by its own Windows"] if seen not in {None, facts.logical_processors} else []
+    parts += [f"{seen} of them in its own Windows"] if seen not in {None, facts.logical_processors} else []
     return ", ".join(parts)
 
 
@@ -93,7 +98,7 @@ def installation_text(result: Installation) -> "RenderableType":
         for run in host.finished
     ]
     without_boot = [host.host for host in result.hosts if host.changed and host.version and not host.boot]
-    boot = f"{', '.join(without_boot)}: neither systemd nor cron is there. Run this at each start of the machine: "
+    boot = f"{', '.join(without_boot)}: systemd and cron are not available. Run this at each start of the machine: "
     return stack(
         Table(HOSTS, rows),
         *finished,

@@ -41,15 +41,14 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     yield f"# {facts.component} by hand, on {facts.platform}"
     yield ""
     yield (
-        f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}. "
-        f"Its partition {facts.settings.name} gets {show_reserve(facts.settings.reserve, facts.settings.processors)}, "
-        f"{facts.depends_on}."
+        f"Thresholds: {'; '.join(facts.apt) or 'none'}. Its partition {facts.settings.name} gets "
+        f"{show_reserve(facts.settings.reserve, facts.settings.processors)}, {facts.depends_on}."
     )
     if facts.beside:
-        yield f"In the same partition run: {', '.join(facts.beside)}."
+        yield f"Other components in the partition: {', '.join(facts.beside)}."
     yield (
-        "Choose the section of the host's kind. Lower other reserves before raising this one, so that the host never "
-        "promises more than it has."
+        "Use the section for the kind of the host. Lower other reserves before you raise this one, so "
+        "that the sum never exceeds the host."
     )
     yield ""
 
@@ -59,10 +58,12 @@ def _hyperv(facts: GuideFacts) -> Iterator[str]:
     yield "## Hyper-V"
     yield ""
     yield (
-        "1. In an elevated PowerShell on the host, see that the hypervisor's scheduler is not `root` (event 2 of "
-        "Hyper-V-Hypervisor: launch type 4): under it reserves have no effect."
+        "1. In an elevated PowerShell on the host, check that the hypervisor's scheduler is not `root` "
+        "(event 2 of Hyper-V-Hypervisor: launch type 4). With it, reserves have no effect."
     )
-    yield f"2. Stop the machine: `Hyper-V\\Stop-VM -Name '{name}'`. Its processors change only while it is off."
+    yield (
+        f"2. Stop the machine: `Hyper-V\\Stop-VM -Name '{name}'`. Its processors can be changed only while it is off."
+    )
     yield (
         f"3. Set processors and memory: `Hyper-V\\Set-VM -Name '{name}' -ProcessorCount {facts.settings.processors} "
         f"-StaticMemory -MemoryStartupBytes {facts.settings.memory // 2**20}MB`."
@@ -72,11 +73,11 @@ def _hyperv(facts: GuideFacts) -> Iterator[str]:
         f"-Maximum {facts.settings.limit} -RelativeWeight {facts.settings.weight}`."
     )
     yield (
-        f"5. Start it: `Hyper-V\\Start-VM -Name '{name}'`. Over-commitment shows only here: a start that fails for "
-        "processor resources means that all reserves add up to more than the host has."
+        f"5. Start it: `Hyper-V\\Start-VM -Name '{name}'`. If the start fails because of processor "
+        "resources, the sum of all reserves exceeds the host."
     )
     command = f", as: `{facts.command}`" if facts.command else ""
-    yield f"6. In the guest, have {facts.component} start with Windows{command}."
+    yield f"6. In the guest, configure {facts.component} to start with Windows{command}."
     yield ""
 
 
@@ -84,20 +85,21 @@ def _mmcss(facts: GuideFacts) -> Iterator[str]:
     yield "## MMCSS, in the Windows that its threads run in (the guest)"
     yield ""
     if facts.task is None:
-        yield "It has no task class: nothing is to be set."
+        yield "It does not have a task class. No action is needed."
         yield ""
         return
     key = r"HKLM\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks"
     yield (
-        f"1. Add a subkey `{facts.task}` below `{key}`. "
-        "Add only this one: never create the `Tasks` key again, which would erase every multimedia task."
+        f"1. Add a subkey `{facts.task}` to `{key}`. Do not create the `Tasks` key again: this would "
+        "erase all multimedia tasks."
     )
-    yield "2. Give it these values, each of just this type:"
+    yield "2. Add these values with exactly these types:"
     yield from (f"   - `{value}`" for value in facts.task_values)
-    yield "3. Start that Windows again: MMCSS reads the classes when it starts."
+    yield "3. Restart that Windows: MMCSS reads the classes when it starts."
     yield (
-        f'4. The component joins by one call, `AvSetMmThreadCharacteristics("{facts.task}")`. If it cannot be '
-        "changed, start its process with a higher priority class, and expect less order among components."
+        "4. The component joins the class with one call, "
+        f'`AvSetMmThreadCharacteristics("{facts.task}")`. If you cannot change the component, start its '
+        "process with a higher priority class. The order among components is then less strict."
     )
     yield ""
 
@@ -108,31 +110,31 @@ def _linux(facts: GuideFacts) -> Iterator[str]:
     yield "## Linux (control groups, version 2)"
     yield ""
     yield (
-        f"1. Make the group: `mkdir -p {group}`, with `cpu`, `cpuset` and `memory` in the parents' "
-        "`cgroup.subtree_control`."
+        f"1. Create the group: `mkdir -p {group}`, with `cpu`, `cpuset` and `memory` in "
+        "`cgroup.subtree_control` of its parents."
     )
     yield f"2. Memory: `echo {facts.settings.memory // 2**20}M > {group}/memory.max`."
     yield (
-        f"3. A reservation is a share under load: among all groups that compete, give this one {share} of "
-        f"{100 * facts.host_lp} parts: `echo {max(1, share)} > {group}/cpu.weight`, each other likewise."
+        f"3. A reservation is a share under load. Give this group {share} of {100 * facts.host_lp} "
+        f"parts: `echo {max(1, share)} > {group}/cpu.weight`. Do the same for all other groups."
     )
     if facts.settings.limit < 100:
         period = _period_us(facts.shortest_ms)
         quota = period * facts.settings.limit * facts.settings.processors // 100
         limit = show_reserve(facts.settings.limit, facts.settings.processors)
         yield (
-            f"4. The limit of {limit}: `echo '{quota} {period}' > {group}/cpu.max`. The period is a tenth of "
-            "the shortest response time that is allowed: with a longer one, response times come in steps."
+            f"4. Set the limit of {limit}: `echo '{quota} {period}' > {group}/cpu.max`. The period is a "
+            "tenth of the shortest threshold; a longer one makes response times jump in steps."
         )
     else:
-        yield f"4. No limit: leave `{group}/cpu.max` at `max`; a cap would falsify what was measured."
+        yield f"4. Keep `{group}/cpu.max` at `max`: a limit would make the measurements invalid."
     inside = shlex.quote(f"echo $$ > {group}/cgroup.procs && exec {facts.command or 'COMMAND'}")
-    command = "" if facts.command else f", with what starts {facts.component} in place of COMMAND"
+    command = "" if facts.command else f", with the command of {facts.component} for COMMAND"
     yield f"5. Start it inside: `sh -c {inside}`{command}."
     if facts.task is not None:
         yield (
-            f"6. {facts.task} is a real-time priority: `chrt --fifo --pid 10 <thread id>` for each of its threads; of "
-            "two components the more critical one gets the higher number."
+            f"6. {facts.task} is a real-time priority: run `chrt --fifo --pid 10 <thread id>` for each of "
+            "its threads. A more critical component gets a higher number."
         )
     yield ""
 
@@ -141,9 +143,9 @@ def _check(facts: GuideFacts) -> Iterator[str]:
     yield "## Afterwards"
     yield ""
     yield (
-        f"Run it under its usual load and compare with: {'; '.join(facts.apt) or 'what you expect'}. "
-        "Write down what was set and when; all that changes its program, memory, processors or task class asks for "
-        "measuring again."
+        f"Run it under its usual load and compare with: {'; '.join(facts.apt) or 'your expectation'}. "
+        "Record the settings and the date. After a change of its program, memory, processors or task "
+        "class, measure again."
     )
 
 

@@ -17,8 +17,9 @@ from xml.etree import ElementTree as ET
 from rarms_iac.model.commands import sentences
 from rarms_iac.model.diagnostics import Diagnostic, Fact, Findings, Place, Places, Severity, Sources
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import encode_output
+from rarms_iac.texts.messages import suggestion
 from rarms_iac.views.console import visible
 from rarms_iac.views.json_output import json_of
 
@@ -46,7 +47,7 @@ class OutputTarget:
 
 
 class BadOutput(ValueError):
-    """What `--output` says cannot be done; the message says what can."""
+    """The value of `--output` cannot be used; the message says which can."""
 
 
 def parse_outputs(values: Sequence[str]) -> tuple[OutputTarget, ...]:
@@ -60,7 +61,9 @@ def parse_outputs(values: Sequence[str]) -> tuple[OutputTarget, ...]:
     for place in places:
         if places.count(place) > 1:
             name = "standard output" if place is None else place
-            raise BadOutput(f"two outputs go to {name}: give each a file of its own, as in sarif=findings.sarif")
+            raise BadOutput(
+                f"two outputs have the same target {name}: give each its own file, for example sarif=findings.sarif"
+            )
     return outputs
 
 
@@ -69,10 +72,10 @@ def _output(value: str) -> OutputTarget:
     formats = [form.value for form in OutputFormat]
     if name not in formats:
         raise BadOutput(
-            f"{quoted(name)} is no form of output.{suggestion(name, formats)} There are {', '.join(formats)}."
+            f"{quoted(name)} is not an output format.{suggestion(name, formats)} The formats are {', '.join(formats)}."
         )
     if equals and not path:
-        raise BadOutput(f"{quoted(value)} names no file: write {name}=FILE, or {name} alone for standard output")
+        raise BadOutput(f"{quoted(value)} does not have a file: write {name}=FILE, or only {name} for standard output")
     return OutputTarget(format=OutputFormat(name), path=None if path in {"", "-"} else path)
 
 
@@ -87,7 +90,6 @@ def findings_as(
     """Give findings that form, in the order given: text to be laid out, or else the text itself.
 
     Args:
-        diagnostics: In order (`model.diagnostics.in_order`).
         sources: The text of each file, or its lines, by the name that places use; only text shows it.
         places: Of the manifest. Each result of SARIF and each annotation has a place; other forms leave it out for a
             finding that has none. NOTE: Code scanning refuses a whole file for one result without a location.
@@ -120,7 +122,7 @@ def findings_as(
 def in_repository(diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the findings with their files named from the root of the git repository that rarms was started in.
 
-    Services that show findings beside files know files by these names. Outside of a repository they stay as they are.
+    Services that show findings next to files know files by these names. Outside of a repository they stay as they are.
     """
     here = Path.cwd()
     root = next((folder for folder in (here, *here.parents) if (folder / ".git").exists()), None)

@@ -38,7 +38,7 @@ INDENT = 2
 EXCERPT_WIDTH = 80
 """Columns of a line of a file that is shown, however wide the terminal is."""
 REACH = 400
-"""Characters looked at on either side of the spot: a file of one line of megabytes is no reason to be slow."""
+"""Characters looked at on either side of the spot: a file of one line of megabytes is not a reason to be slow."""
 ELLIPSIS = "..."
 TAB_STOP = 8
 SECRETS = frozenset({"RARMS090", "RARMS091"})
@@ -116,11 +116,7 @@ def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -
 
 
 def excerpt_text(diagnostic: Diagnostic, sources: Sources) -> str:
-    """Return the line of the file that a finding points at, with carets below the spot; empty where none is shown.
-
-    Args:
-        sources: as of `findings_text`.
-    """
+    """Return the line of the file that a finding points at, with carets below the spot; empty where none is shown."""
     lines = {file: source_lines(sources[file]) for file in _files([diagnostic]) if file in sources}
     parts = tuple(_finding_excerpt(diagnostic, lines))
     return render(stack(*parts), UNLIMITED) if parts else ""
@@ -216,7 +212,7 @@ _BLOCK_STARTS = ("#", "- ", "* ", "```")
 
 def unknown_code(code: str) -> str:
     """Say that a code has no page. A similar number says nothing about what was meant."""
-    return f"There is no finding {code}: docs/diagnostics.md lists them all."
+    return f"The finding {code} does not exist: docs/diagnostics.md lists them all."
 
 
 def page_text(page: str) -> "RenderableType":

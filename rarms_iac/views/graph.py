@@ -56,7 +56,7 @@ _MERMAID = {'"': "#quot;", "#": "#35;", "&": "#amp;", "<": "#lt;", ">": "#gt;", 
 
 
 def describe_node(node: Node) -> str:
-    """Return what is known of the reservation of a compound."""
+    """Return the known reservation of a compound."""
     if not node.is_gain:
         return f"no gain: needs at least {node.low} % of its VPs"
     if node.measured:
@@ -125,7 +125,7 @@ class CandidateDrawing:
 
 
 def drawing_of(report: Report) -> CandidateDrawing | None:
-    """Lay the graph out; None where there is no compound, or too many nodes to follow with the eye."""
+    """Lay the graph out; None if nothing is combined or there are too many nodes to follow with the eye."""
     nodes = report.candidates
     if len(nodes) > MOST_NODES or not any(node.parts for node in nodes):
         return None

@@ -137,7 +137,6 @@ def plan_as(form: OutputFormat, plan: Plan, manifest: Manifest, *, verbose: bool
 
     Args:
         form: SARIF, JUnit and GitHub have the plan's findings, Markdown is the comment of a pull request.
-        plan: as it was made.
         verbose: show every attribute and reason in the text, too.
     """
     match form:
@@ -180,12 +179,12 @@ def comment(plan: Plan) -> str:
         f"<sub>Plan {plan.id} of {files}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
     ]
     text = "\n\n".join(parts) + "\n"
-    assert len(text) < LONGEST_COMMENT, "each part has its share of it"
+    assert len(text) < LONGEST_COMMENT, "every part has its share"
     return text
 
 
 def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
-    """Return the comment where there is no plan: why."""
+    """Return the comment without a plan: why."""
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     head = f"### rarms plan: not possible\n\n**{counted(errors, 'error')} to correct first.**"
     return "\n\n".join([marker(manifest), head, *finding_parts(in_repository(findings))]) + "\n"

@@ -1,8 +1,8 @@
 """`rarms measure`: the result, a row a threshold, and the settings of a sweep or of a curve."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import isfinite
+from dataclasses import dataclass, replace
+from math import isfinite, isinf
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.report_measurements import WITHOUT_APT, point_of
@@ -13,7 +13,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named
 from rarms_iac.model.outcomes import (
     Achievement,
     Estimate,
@@ -30,17 +30,31 @@ from rarms_iac.model.quantities import guaranteed, share_of_processors, show_per
 from rarms_iac.model.system import Component
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import describe_errors, describe_extreme
+from rarms_iac.statistics.first_look import point_estimate
+from rarms_iac.texts.indexes import show_range, show_value
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.status import describe_totals
 from rarms_iac.views.table import Column, Table
-from rarms_iac.views.verdicts import describe_verdict, short_bound, show_bound, skipped_sentence, why_not_known
+from rarms_iac.views.verdicts import (
+    CONDITIONAL,
+    delay_sentence,
+    describe_conditions,
+    describe_verdict,
+    short_bound,
+    show_bound,
+    skipped_sentence,
+    why_not_known,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+FITTED = "~"
+"""Marks a percentile that is beyond what the samples of the first pass show."""
+
 RESULTS = (
     Column("component", wraps=True),
-    Column("host", wraps=True),
+    Column("host", wraps=True, if_differs=True),
     Column("threshold", wraps=True),
     Column("measured", right=True),
     Column("reservation", right=True),
@@ -92,21 +106,36 @@ class _Answer:
 
 
 def _answer(by_load: Sequence[ExperimentResult]) -> _Answer:
+    """Judge the components of a partition. Where a plan reserves provisionally without an answer, that is said."""
+    answer = _judged(by_load)
+    if answer.amount != "-" or answer.result.provisional_lp is None:
+        return answer
+    planned = f"a plan reserves {show_processors(answer.result.provisional_lp)}, provisional"
+    return replace(answer, state="; ".join(filter(None, [answer.state, planned])))
+
+
+def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
     """Judge the components of a partition. A plan uses the curve, so where it differs both are said."""
     result, loads = decisive(by_load), _loads(by_load)
+    if result.is_provisional and isinstance(result.conclusion, NotAchievable | NotResolved):
+        return _Answer(result=result, state="not met at any reservation of the first pass", details=(loads,))
     match result.conclusion:
         case Sufficient(reserve=reserve) if result.is_weak:
-            state = (
-                f"no answer, because the loads left processors idle; with them {_amount(result, reserve)} was enough"
-            )
+            state = f"rejected, because the loads left processors idle; with them {_amount(result, reserve)} was enough"
             return _Answer(result=result, state=state)
+        case Sufficient(reserve=reserve, failed=failed) if result.is_provisional:
+            seen = f"{_amount(result, failed)} seemed too little" if failed else ""
+            share = share_of_processors(reserve, result.experiment.setup.processors)
+            return _Answer(result=result, amount=_amount(result, reserve), at=reserve, details=(share, seen))
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
             narrow = f"run the same command to narrow it, up to {counted(more, 'setting')} more" if more else ""
+            down_to = result.conclusion.down_to
+            could_be = f"could be down to {_amount(result, down_to)}" if down_to else ""
             return _Answer(
                 result=result,
                 amount=_amount(result, reserve),
                 at=reserve,
-                state="; ".join(filter(None, [_planned(result, reserve), narrow])),
+                state="; ".join(filter(None, [_planned(result, reserve), could_be, narrow])),
                 details=(
                     share_of_processors(reserve, result.experiment.setup.processors),
                     _below(result, failed),
@@ -145,16 +174,31 @@ def _rows(experiment: Experiment, answer: _Answer | None) -> Iterator[tuple[str,
         settings = [setting for setting in answer.result.settings if setting.reserve == answer.at]
         indexes = (each for setting in settings for each in measured_indexes(setting, experiment))
         values = {(each.component, each.index): each for each in indexes}
+    conditional = set() if answer is None else {(each.component, each.index) for each in answer.result.conditions}
     amount, load = ("-", "") if answer is None else (answer.amount, answer.result.interference)
     for member in experiment.members:
         name = member.name
         for index, threshold in member.apt.items():
             bound = short_bound(index_named(index), threshold)
-            measured = values.get((member.name, index))
-            yield name, experiment.host.name, bound, _value(measured), amount, load
+            if answer is not None and answer.result.is_provisional:
+                shown = _estimated(answer, member, index)
+            else:
+                mark = CONDITIONAL if (member.name, index) in conditional else ""
+                shown = _value(values.get((member.name, index))) + mark
+            yield name, experiment.host.name, bound, shown, amount, load
             name = amount = ""
         if not member.apt:
             yield name, experiment.host.name, "none", "-", amount, load
+
+
+def _estimated(answer: _Answer, member: Component, index: str) -> str:
+    """Return the value that the first pass estimated at its answer."""
+    seen = (each for each in answer.result.settings if each.reserve == answer.at)
+    series = next((each for setting in seen for each in setting.series if each.component == member.name), None)
+    found = None if series is None else point_estimate(index, series, answer.result.experiment.runs[member.name])
+    if found is None or isinf(found.value):
+        return "-"
+    return show_value(index_named(index), found.value, member.apt[index]) + (FITTED if found.fitted else "")
 
 
 def _value(measured: MeasuredIndex | None) -> str:
@@ -164,7 +208,7 @@ def _value(measured: MeasuredIndex | None) -> str:
 
 
 def _loads(by_load: Sequence[ExperimentResult]) -> str:
-    """Return what the first load alone asks for, where a later one decides."""
+    """Return the reservation for the first load alone, where a later one decides."""
     last, first = decisive(by_load), by_load[0]
     return "" if last is first or not first.reserve else f"with {first.interference} {_amount(first, first.reserve)}"
 
@@ -207,18 +251,49 @@ def _totals(outcome: MeasureOutcome, *, verbose: bool) -> Iterator[str]:
             yield f"{name}: {'at least ' if unknown else ''}{describe_totals(totals)}{note}."
         if unknown:
             yield f"{name}: {why_not_known(unknown)}."
+    yield from _of_first_pass(outcome)
     yield from _skipped_lines(results)
+    if sentence := delay_sentence({name: heard for result in results for name, heard in result.heard_messages.items()}):
+        yield sentence
+    if sentence := describe_conditions(
+        [each for by_load in outcome.partitions for each in decisive(by_load).conditions], verbose=verbose
+    ):
+        yield sentence
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     if extremes:
         yield describe_errors(sure=False in extremes, so_far=True in extremes)
+
+
+def _of_first_pass(outcome: MeasureOutcome) -> Iterator[str]:
+    """Yield which answers are provisional, and what marks a percentile of a fitted tail."""
+    answers = [*map(decisive, outcome.partitions)]
+    found = [result for result in answers if result.is_provisional and result.reserve is not None]
+    names = [result.experiment.name for result in answers if result in found or result.provisional_lp is not None]
+    if names:
+        which = f"The reservations of {in_a_row(names)} are"
+        if len(names) == len(outcome.partitions):
+            which = "All reservations are"
+        elif len(names) == 1:
+            which = f"The reservation of {names[0]} is"
+        yield f"{which} provisional: estimates of short settings, without bounds."
+    if any(_has_fitted(result) for result in found):
+        yield f"{FITTED} Estimated from a fitted tail: too few samples in the first pass for this percentile."
+
+
+def _has_fitted(result: ExperimentResult) -> bool:
+    answer, members = _Answer(result=result, at=result.reserve), result.experiment.members
+    return any(_estimated(answer, member, index).endswith(FITTED) for member in members for index in member.apt)
 
 
 def _ending(outcome: MeasureOutcome) -> Wording:
     """Say what was run, and the next command."""
     results = outcome.experiments
     components = counted(len({name for result in results for name in result.components}), "component")
-    settings = counted(sum(len(result.settings) for result in results), "setting")
-    done = f"Measured: {components}, {settings}, {sum(result.new for result in results)} of them new."
+    number, new = sum(len(result.settings) for result in results), sum(result.new for result in results)
+    if outcome.stopped and not number:
+        return "Stopped before the first setting had ended."
+    so_far = " so far" if outcome.stopped else ""
+    done = f"Measured: {components}, {counted(number, 'setting')}{so_far}, {new} of them new."
     following = _next(outcome)
     return done if following is None else prose(f"{done} Next: ", following)
 
@@ -249,7 +324,7 @@ def _skipped_lines(results: Sequence[ExperimentResult]) -> Iterator[str]:
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:
     """Yield those of the settings that were concluded from."""
     for result in results:
-        if isinstance(result.conclusion, Sufficient | NotAchievable) and not result.is_weak:
+        if isinstance(result.conclusion, Sufficient | NotAchievable) and result.error is not None:
             for setting in result.settings:
                 if setting.reserve == result.conclusion.reserve:
                     yield from measured_indexes(setting, result.experiment)

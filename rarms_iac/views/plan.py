@@ -5,21 +5,20 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Place, Sources
-from rarms_iac.model.host import Connect, LinuxHost, Receiver, WinRmConnect
-from rarms_iac.model.layout import describe_placement
+from rarms_iac.model.host import Connect, LinuxHost, ProviderKind, Receiver, WinRmConnect
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
-from rarms_iac.model.quantities import share_of_host, show_bytes, show_milliseconds, show_processors
+from rarms_iac.model.quantities import show_bytes, show_duration, show_lp_percent, show_milliseconds, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.plans import describe_placement
 from rarms_iac.views.changes import (
     SYMBOLS,
     AttributeText,
@@ -31,6 +30,7 @@ from rarms_iac.views.changes import (
 )
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, visible
 from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.status import describe_totals
 from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 STYLES = {"+": GOOD, "~": CHANGED, "-/+": BAD, "-": BAD, ">": NOTE, "<": NOTE}
 TITLES = {
     Purpose.APPLY: "apply",
-    Purpose.DESTROY: "remove what rarms made",
+    Purpose.DESTROY: "remove all that rarms created",
     Purpose.IMPORT: "import",
     Purpose.RELEASE: "release",
     Purpose.STOP: "stop partitions",
@@ -78,7 +78,8 @@ def plan_title(plan: Plan) -> str:
     """Write as `Plan e1b8e52e55c8 to apply: delivery-robot on robot-3, from rarms.yaml with laptop.yaml`."""
     manifest = visible(" with ".join([plan.manifest, *plan.overlays]), keep="")
     robot = f" on {plan.robot}" if plan.robot else ""
-    return f"Plan {plan.id} to {TITLES[plan.purpose]}: {plan.application}{robot}, from {manifest}"
+    provisional = ", provisional" if plan.provisional else ""
+    return f"Plan {plan.id} to {TITLES[plan.purpose]}: {plan.application}{robot}, from {manifest}{provisional}"
 
 
 def _findings(plan: Plan, sources: Sources, *, verbose: bool) -> "Iterator[RenderableType]":
@@ -104,14 +105,14 @@ def _counts(plan: Plan) -> str:
 
 
 def _nothing(plan: Plan) -> str:
-    hosts, are, them = ("host", "is", "it") if len(plan.hosts) == 1 else ("hosts", "are", "them")
+    hosts, are = ("host", "is") if len(plan.hosts) == 1 else ("hosts", "are")
     match plan.purpose:
         case Purpose.APPLY:
-            return f"No changes. The {hosts} {are} as the manifest wants {them}."
+            return f"No changes. The {hosts} {are} as in the manifest."
         case Purpose.DESTROY:
-            return f"No changes. Nothing on the {hosts} is of this application."
+            return f"No changes. Nothing of this application is on the {hosts}."
         case Purpose.STOP:
-            return "No changes. None of these partitions is wanted running."
+            return "No changes. None of these partitions should be running."
         case Purpose.START:
             return "No changes. None of these partitions was stopped by rarms."
         case Purpose.IMPORT | Purpose.RELEASE:
@@ -130,17 +131,27 @@ def _planned_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
         yield from _steps(part)
 
 
-def _afterwards(totals: HostTotals, host: str) -> str:
-    """Say what is reserved on a host after the plan, and what is free."""
-    reserved, memory = totals.reserved_lp, show_bytes(totals.promised.memory)
-    of_host = f"{show_processors(reserved)} of {show_processors(totals.host_lp)}"
-    own = f"{of_host} ({share_of_host(reserved, totals.host_lp, host)}) and {memory} reserved"
-    idle = [f"of these, {text}" for text in _idle(totals)]
-    return f"Afterwards: {'; '.join([own, *idle, *_other_totals(totals)])}."
+def _afterwards(totals: HostTotals) -> Iterator[str]:
+    """Yield a line for the processors and one for the memory of a host after the plan, and one for what is off."""
+    promised = totals.promised
+    yield f"Afterwards: {describe_totals(totals)}."
+    yield f"Memory: {_describe_memory(totals)}."
+    if promised.idle_percent or promised.idle_memory:
+        idle = f"{show_processors(promised.idle_lp)} and {show_bytes(promised.idle_memory)}"
+        yield f"Of these, {idle} are reserved for partitions that do not run."
+
+
+def _describe_memory(totals: HostTotals) -> str:
+    """Write as `1 GiB of 4 GiB reserved, 1 GiB kept for the host, 2 GiB free`."""
+    others, kept = totals.promised.others_memory, totals.kept_memory
+    parts = [f"{show_bytes(totals.promised.memory)} of {show_bytes(totals.memory)} reserved"]
+    parts += [f"{show_bytes(others)} by unmanaged machines"] if others else []
+    parts += [f"{show_bytes(kept)} kept for the host"] if kept else []
+    return ", ".join([*parts, f"{show_bytes(totals.free_memory)} free"])
 
 
 def _receiver(connect: Connect | WinRmConnect) -> str | None:
-    """Return what takes scripts there, where it is not sent with them."""
+    """Return the receiver of scripts there, where it is not sent with them."""
     return None if connect.receiver is Receiver.SENT else connect.receiver.value
 
 
@@ -156,7 +167,7 @@ def _whereabouts(part: HostPlan) -> Iterator[str]:
                 "control path": connect.control_path,
                 "receiver": _receiver(connect),
             }
-            yield f"It is reached over ssh: {connect.ssh}, shell {connect.shell}{_options(options)}."
+            yield f"Connection: ssh {connect.ssh}, shell {connect.shell}{_options(options)}."
         case WinRmConnect(password=password):
             name = None if password is None else password.name
             account = {
@@ -165,15 +176,15 @@ def _whereabouts(part: HostPlan) -> Iterator[str]:
                 "password from": name,
                 "receiver": _receiver(connect),
             }
-            yield f"It is reached over WinRM: {connect.winrm}, shell {connect.shell}{_options(account)}."
+            yield f"Connection: WinRM {connect.winrm}, shell {connect.shell}{_options(account)}."
         case None:
             pass
         case _:
             assert_never(connect)
     if isinstance(settings, LinuxHost):
-        yield f"Its control groups lie below {settings.slice} (version: {settings.control_groups})."
+        yield f"Control groups: {settings.slice} (version: {settings.control_groups})."
     if part.state_path:
-        yield f"Its state file is {part.state_path}, relative to the manifest."
+        yield f"State file: {part.state_path}, relative to the manifest."
 
 
 def _options(given: Mapping[str, str | int | None]) -> str:
@@ -197,7 +208,7 @@ def _changed_host(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]
 
 
 def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
-    """Yield what is not changed, and why not."""
+    """Yield the resources that are not changed, with the reason."""
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
     if verbose:
@@ -207,7 +218,7 @@ def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
         name, holds = unused.name, describe_held(unused)
         yield paragraph(
             prose(
-                f"partition/{name} is unused and stopped: the manifest no longer names it{holds}. Remove it with ",
+                f"partition/{name} is not in the manifest now and is stopped{holds}. Remove it with ",
                 part.commands[name],
                 ".",
             ),
@@ -215,7 +226,7 @@ def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
         )
     for name in part.stopped:
         yield paragraph(
-            prose(f"partition/{name} stays stopped, as asked for. ", part.commands[name], " starts it."),
+            prose(f"partition/{name} stays stopped, as requested. ", part.commands[name], " starts it."),
             indent=2,
         )
 
@@ -245,7 +256,7 @@ THREADS = (
 def plan_table(part: HostPlan) -> Table:
     """Return a row a change of a host: partitions by name, then the rest in the plan's order, then what is held back.
 
-    Its last line sums up what the host has reserved after the plan.
+    Its last lines sum up what the host has reserved after the plan.
 
     A task class that is added with its partition is a remark of that one.
     """
@@ -256,15 +267,15 @@ def plan_table(part: HostPlan) -> Table:
     changes.sort(key=lambda change: (bool(change.address.task), natural_order(change.address.partition)))
     rows = [_row(change, part, classes) for change in changes]
     rows += [_row(held.change, part, {}, f"held back: {held.why}") for held in part.held_back]
-    totals = () if part.host_totals is None else (_afterwards(part.host_totals, part.name),)
+    totals = () if part.host_totals is None else tuple(_afterwards(part.host_totals))
     return Table(CHANGES, rows, totals=totals, indent=2)
 
 
 def describe_held(unused: UnusedPartition) -> str:
     """Say what an unused partition still holds, after a comma; empty: nothing."""
     held = [counted(len(unused.disks), "disk") + f" ({', '.join(unused.disks)})"] if unused.disks else []
-    held += [f"{show_bytes(unused.memory_on_disk)} on the host's disk for saving it"] if unused.memory_on_disk else []
-    return f", and it still holds {in_a_row(held)}" if held else ""
+    held += [f"{show_bytes(unused.memory_on_disk)} on the host's disk to save it"] if unused.memory_on_disk else []
+    return f", and still uses {in_a_row(held)}" if held else ""
 
 
 def _row(
@@ -281,10 +292,22 @@ def _row(
     if isinstance(change, Create):
         limit = shown.get("limit")
         remarks += [f"limit {limit.after}"] if limit is not None and limit.after != "none" else []
+        if part.facts.provider is ProviderKind.HYPERV and "weight" in shown:
+            remarks.append(f"weight {shown['weight'].after}")
         tasks = ", ".join(classes.get(change.address.partition, ()))
         remarks += [f"task {tasks}"] if tasks else []
-    remark = "; ".join(filter(None, [", ".join(remarks), disruption_of(change, part), held]))
+    remarks += [_start_of(change, part)] if not held else []
+    remark = "; ".join(filter(None, [", ".join(filter(None, remarks)), disruption_of(change, part), held]))
     return _name(change, part), reserve, memory, remark
+
+
+def _start_of(change: Change, part: HostPlan) -> str:
+    """Write what a partition reserves while it starts: `starts with 1 LP for 30 s`; empty: no more than later."""
+    for step in part.steps:
+        if step.address == change.address and step.wait_ms:
+            reserved = show_lp_percent(step.claim_before.percent)
+            return f"starts with {reserved} for {show_duration(step.wait_ms)}"
+    return ""
 
 
 def _name(change: Change, part: HostPlan) -> "Text":
@@ -294,7 +317,7 @@ def _name(change: Change, part: HostPlan) -> "Text":
 
 
 def disruption_of(change: Change, part: HostPlan) -> str:
-    """Return what the change disturbs on this host, and for how long."""
+    """Return the disruption of the change on this host, and its duration."""
     if change.address.task:
         created = any(
             isinstance(other, Create) and other.address.partition == change.address.partition and not other.address.task
@@ -314,18 +337,18 @@ def disruption_of(change: Change, part: HostPlan) -> str:
         return note or _left_stopped(change)
     grace = f"{show_milliseconds(stop.grace_ms)} to shut down" if stop.grace_ms else ""
     if not isinstance(change, Update):
-        return f"{note}; {f'up to {grace}' if grace else 'turned off, not asked'}"
+        return f"{note}; {f'up to {grace}' if grace else 'turned off without a shutdown'}"
     starts = any(isinstance(operation, StartPartition) for operation in operations)
-    duration = f"{'stopped for ' if starts else ''}up to {grace}" if grace else "turned off, not asked"
+    duration = f"{'stopped for ' if starts else ''}up to {grace}" if grace else "turned off without a shutdown"
     made_again = "made again; " if change.action == "replace" else ""
     return f"{made_again}{duration}{', then for its start' if starts else ''}"
 
 
 def _left_stopped(change: Change) -> str:
-    """Return why a partition starts that was not named."""
+    """Return the reason for the start of a partition that was not named."""
     match change:
         case Update(before=Partition(mark=Mark(stopped_by=StoppedBy.MEASUREMENT))):
-            return "a measurement stopped it and did not start it again"
+            return "stopped by a measurement and not started again"
         case _:
             return ""
 
@@ -401,27 +424,3 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
         start = f"  {number:>{len(str(len(part.steps)))}}. "
         yield paragraph(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", start=start)
         yield paragraph(step.comment, indent=len(start))
-
-
-def _idle(totals: HostTotals) -> list[str]:
-    """Return what partitions reserve that do not run and are to start again, as part of a sentence."""
-    promised = totals.promised
-    if not (promised.idle_percent or promised.idle_memory):
-        return []
-    return [f"{_amount(promised.idle_lp, promised.idle_memory)} by partitions that do not run"]
-
-
-def _other_totals(totals: HostTotals) -> list[str]:
-    """Return what other machines and the host itself have, and what is free, which no change of the plan says."""
-    promised, parts = totals.promised, list[str]()
-    if promised.others_percent or promised.others_memory:
-        parts.append(f"unmanaged machines have {_amount(totals.unmanaged_lp, promised.others_memory)}")
-    if totals.kept_lp or totals.kept_memory:
-        parts.append(f"{_amount(totals.kept_lp, totals.kept_memory)} kept for the host")
-    return [*parts, f"{show_processors(totals.free_lp)} and {show_bytes(totals.free_memory)} free"]
-
-
-def _amount(processors: Fraction, memory: int) -> str:
-    """Write as `0.2 LP and 1 GiB`, without an amount of 0."""
-    parts = [show_processors(processors)] if processors else []
-    return " and ".join([*parts, show_bytes(memory)] if memory else parts)

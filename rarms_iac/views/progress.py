@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from rarms_iac.app.control import MeasuringReporter, RemainingSettings
+from rarms_iac.app.control import FinishedUnit, MeasuringReporter, RemainingSettings, WorkBegun
 from rarms_iac.measuring.evidence import MeasuredIndex, indexes_of_series, measured_indexes
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.experiment import Experiment
-from rarms_iac.model.indexes import index_named, show_value
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import ReservePercent, guaranteed, show_duration, show_number, show_processors
 from rarms_iac.model.run import STREAM_NAMES
@@ -18,13 +18,20 @@ from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
+from rarms_iac.texts.indexes import show_value
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
-from rarms_iac.views.table import Column, LiveRows, Table
-from rarms_iac.views.verdicts import show_bound
+from rarms_iac.views.table import Column, LiveRow, Table
+from rarms_iac.views.verdicts import delay_sentence, show_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+_TELLING = 2
+"""Units after which the time for the others is foretold."""
+
+BETWEEN_SAMPLES = 60.0
+"""Seconds without a line after which a running setting gets one where nothing can be updated in place."""
 
 BETWEEN_LINES = 30.0
 """Seconds from one line of progress to the next where nothing can be updated in place."""
@@ -40,14 +47,40 @@ class MeasuringProgress(MeasuringReporter):
     """
 
     def __init__(
-        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveRows | None = None
+        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveRow | None = None
     ) -> None:
         self._say = say
         self._clock = clock
         self._live = live
         self._began = 0.0
         self._remaining: RemainingSettings | None = None
-        self._said = clock()
+        self._said = self._unit_began = clock()
+        self._units = self._ended = 0
+        self._took: tuple[float, ...] = ()  # seconds of each unit of this pass
+        self._more_follows = False
+        self._provisional: dict[str, str] = {}  # answers of the first pass, by their subject
+
+    def work_begun(self, work: WorkBegun) -> None:
+        """Count from there. Write the answers of a pass before it in one line."""
+        if self._provisional:
+            answers = ", ".join(f"{name} {answer}" for name, answer in self._provisional.items())
+            self._say(paragraph(f"First pass: {answers}."))
+        self._more_follows, self._provisional = work.more_follows, {}
+        self._units, self._ended, self._took = work.units, 0, ()
+        self._unit_began = self._clock()
+
+    def unit_ended(self, unit: FinishedUnit) -> None:
+        """Write a line, which stays; of a pass that a more precise one follows, keep the answer."""
+        now = self._clock()
+        self._units, self._ended, self._took = unit.of, unit.number, (*self._took, now - self._unit_began)
+        self._unit_began = now
+        if self._more_follows:
+            self._provisional[unit.subject] = (
+                unit.ending if unit.reserved_lp is None else show_processors(unit.reserved_lp)
+            )
+            return
+        self._said = now
+        self._say(paragraph(unit_line(unit), more=6))
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Show nothing yet: the first setting names what is measured."""
@@ -56,14 +89,20 @@ class MeasuringProgress(MeasuringReporter):
         """Show the running setting where it can be updated."""
         self._began, self._remaining = self._clock(), remaining
         if self._live is not None:
-            self._live.show((_subject(experiment), _setting(experiment, reserve), "..."))
+            self._live.show((self._numbered(experiment), _setting(experiment, reserve), f"...{self._all_left()}"))
 
     def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
-            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, reserve, seen)}"
-            self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
+            left = self._all_left() or self._time_left(experiment, reserve, seen)
+            progress = f"{samples_of(seen)}, {values}{left}"
+            self._live.show((self._numbered(experiment), _setting(experiment, reserve), progress))
+        elif (now := self._clock()) - self._said >= BETWEEN_SAMPLES:
+            self._said = now
+            values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
+            so_far = f"{samples_of(seen)}, {values}, after {show_seconds(now - self._began)}, still running"
+            self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, reserve)}: {so_far}"))
 
     def setting_ended(self, experiment: Experiment, setting: Setting, remaining: RemainingSettings | None) -> None:
         """Say what was measured there and how long the rest takes, where the last line is long ago."""
@@ -90,16 +129,40 @@ class MeasuringProgress(MeasuringReporter):
         self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}.{adds}"))
 
     def proof_samples_came(self, host: str, load: str | None, seen: Mapping[str, Series]) -> None:
-        """Show how many samples there are of each component."""
+        """Show how many samples there are of each component; without a live line, now and then."""
+        now, subject = self._clock(), f"{host} under {load}" if load else f"{host} without load"
+        if self._live is None and now - self._said < BETWEEN_LINES:
+            return
+        named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
+        samples = f"samples of {', '.join(f'{name} {len(series.samples)}' for name, series in named)}"
+        number = self._number()
         if self._live is not None:
-            named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
-            samples = ", ".join(f"{name} {len(series.samples)}" for name, series in named)
-            self._live.show((f"{host} under {load}" if load else f"{host} without load", f"samples of {samples}"))
+            self._live.show((f"{number}{subject}", f"{samples}{self._all_left()}"))
+        else:
+            self._said = now
+            self._say(paragraph(f"{number}{subject}: {samples}{self._all_left()}"))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
         if self._live is not None:
             self._live.hide()
+
+    def _numbered(self, experiment: Experiment) -> str:
+        return f"{self._number()}{_subject(experiment)}"
+
+    def _number(self) -> str:
+        """Write which unit of work runs; empty after the last one, and where their number is not known."""
+        return f"[{self._ended + 1}/{self._units}] " if self._ended < self._units else ""
+
+    def _all_left(self) -> str:
+        """Write how long all units of this pass may yet take, by those that ended; empty before two have ended."""
+        if len(self._took) < _TELLING or self._ended >= self._units:
+            return ""
+        ordered = sorted(self._took)
+        quick, slow = ordered[len(ordered) // 4], ordered[-1]
+        rest, running = self._units - self._ended, self._clock() - self._unit_began
+        least, most = (max(0.0, 1000 * (rest * each - min(running, each))) for each in (quick, slow))
+        return f", {show_duration(least)} to {show_duration(most)} left" if most else ""
 
     def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
         """Write the experiment's time left at the speed so far; during the first setting, that setting's."""
@@ -110,6 +173,18 @@ class MeasuringProgress(MeasuringReporter):
         if not 0 < done < 1 or took < 1:
             return ""
         return f", at most {show_seconds(took * (1 - done) / done)} left"
+
+
+def unit_line(unit: FinishedUnit) -> str:
+    """Write as `[3/12] vision  bursts-20  0.46 LP  p99 390 ms <= 400 ms  met`."""
+    amount = "" if unit.reserved_lp is None else show_processors(unit.reserved_lp)
+    values = []
+    for each in unit.values:
+        index = index_named(each.index)
+        name, bound = index.name.removesuffix("_response_time"), show_bound(index, each.threshold)
+        values.append(f"{name} {show_value(index, each.value, each.threshold)} {bound}")
+    words = (unit.subject, unit.load, amount, ", ".join(values), unit.ending)
+    return f"[{unit.number}/{unit.of}] {'  '.join(filter(None, words))}"
 
 
 def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
@@ -131,7 +206,7 @@ def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) 
 
 
 def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:
-    """Return how much of the longest that a setting may take is done, 1 at its end."""
+    """Return the part of a setting's longest duration that is over, 1 at its end."""
     budget_ms = experiment.budget.at(reserve)
     return min(
         min(1.0, until_share(seen, run.ends), max(len(seen.samples) / MOST_SAMPLES, seen.elapsed_ms / budget_ms))
@@ -151,7 +226,7 @@ def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
         for index in indexes
         if index.estimate is not None
     ]
-    return ", ".join(values) or "nothing to tell yet"
+    return ", ".join(values) or "no values yet"
 
 
 def _subject(experiment: Experiment) -> str:
@@ -188,8 +263,8 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
 
 
 def _summary_text(ran: ComponentRunResult) -> "RenderableType":
-    """Return what the samples come to: a line, and a row an index of the APT."""
-    verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
+    """Return the result of the samples: a line, and a row for each index of the APT."""
+    verdicts = {index: f"{verdict_word(verdict)} in this run" for index, verdict in ran.verdicts.items()}
     bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
     rows = [
         (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
@@ -197,6 +272,8 @@ def _summary_text(ran: ComponentRunResult) -> "RenderableType":
     ]
     skipped = ran.skipped_lines
     notes = [paragraph(f"{describe_skipped(ran.run.samples, skipped)}.")] if skipped.count else []
+    heard = ran.heard_messages
+    notes += [paragraph(delay)] if heard and (delay := delay_sentence({ran.component.name: heard})) else []
     return stack(paragraph(_head(ran)), Table(INDEXES, rows, indent=2), *notes)
 
 
@@ -226,7 +303,7 @@ FAILURE_LINES = 10
 
 
 class Screen(Protocol):
-    """Where samples are shown."""
+    """The place in which samples are shown."""
 
     def data(self, text: str) -> None:
         """Write what was asked for."""
@@ -235,10 +312,10 @@ class Screen(Protocol):
         """Write what was asked for, laid out."""
 
     def talk(self, content: "RenderableType") -> None:
-        """Write what is said beside it."""
+        """Write what is said next to it."""
 
     def tell(self, text: str) -> None:
-        """Write sentences beside it, wrapped between words."""
+        """Write sentences next to it, wrapped between words."""
 
     def flush(self) -> None:
         """Show all of it now."""

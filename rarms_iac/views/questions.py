@@ -9,10 +9,11 @@ from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.measuring.level_prompt import CombiningOffer
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.commands import MEASURE, Wording, prose
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named
 from rarms_iac.model.quantities import share_of_host, share_of_processors, show_lp_percent, show_processors
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
+from rarms_iac.texts.indexes import show_range, show_threshold, show_value
 from rarms_iac.views.console import paragraph, stack
 
 if TYPE_CHECKING:
@@ -38,9 +39,9 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"
             yield f"measured there{load_suffix}: {show_value(index, expected.value)} {bounds}"
         if selection.file and not level.measured_below and level.may_be_less:
-            yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find that less is enough")
+            yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find a smaller reservation")
     if not selection.depends_on_a_log:
-        yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
+        yield "the manifest fixes its reservation; with `cpu: { reserve: measured }` it follows the APT"
     for host, totals in selection.totals.items():
         yield f"headroom of {host}: {show_processors(totals.free_lp)} of {show_processors(totals.host_lp)}"
     if selection.why_no_headroom:
@@ -49,7 +50,7 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What is asked, and what `?` answers."""
+    """A question, and the answer to `?`."""
 
     text: str
     help_text: str
@@ -57,21 +58,23 @@ class Question:
 
 WRITE_LEVEL = Question(
     text="Write this level into the manifest?",
-    help_text="y writes it as the component's `apt`, comments kept; n leaves the manifest as it is; q ends.",
+    help_text=("y writes it as the component's `apt` and keeps comments; n does not change the manifest; q ends."),
 )
 WRITE_PARTITIONS = Question(
     text="Write these partitions into the manifest?",
-    help_text="y writes them as `partitions`, comments kept; n leaves the manifest as it is; q ends.",
+    help_text="y writes them as `partitions` and keeps comments; n does not change the manifest; q ends.",
 )
 
 
 def level_question(component: str) -> Question:
     """Ask which level is good enough for a component."""
     return Question(
-        text=f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on [?, q]: ",
-        help_text="A level is how well it must do, with its unit: 100 ms, 95 %, 24 /s. Where it may belong to several "
-        "indexes, begin with the index: p99_response_time 100 ms. What follows is shown before anything is written. "
-        "Enter goes on, q ends.",
+        text=f"\nA level for {component}, such as 100 ms or 95 %, or Enter to continue [?, q]: ",
+        help_text=(
+            "A level is a threshold with its unit: 100 ms, 95 %, 24 /s. If it fits several indexes, begin "
+            "with the index: p99_response_time 100 ms. rarms shows the result before it writes. Enter "
+            "continues, q ends."
+        ),
     )
 
 
@@ -81,7 +84,7 @@ def refine_question(written: Selection) -> Question:
     named = in_a_row([f"{below} and {reserve} % of its VPs" for below, reserve in gaps])
     return Question(
         text=f"Nothing between {named} was measured. Search there?",
-        help_text="y searches the least reservation there, setting by setting; n takes what was measured; q ends.",
+        help_text="y searches the smallest reservation there; n uses the measured settings; q ends.",
     )
 
 
@@ -91,7 +94,7 @@ def extend_question(beyond: BeyondMeasured) -> Question:
     reserves += " of its VPs"
     return Question(
         text=f"{reserves} is not measured yet. Measure there?",
-        help_text="y measures there and looks the level up again; n asks for another level; q ends.",
+        help_text="y measures there and evaluates the level again; n asks for another level; q ends.",
     )
 
 
@@ -99,8 +102,20 @@ def stop_question(host: str, partitions: Sequence[str]) -> Question:
     """Ask whether partitions may be stopped to measure."""
     running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
     return Question(
-        text=f"On {host} {running}. Stop while it is measured, and start again afterwards?",
-        help_text="y stops them as `rarms stop` does, and starts them when all is done; n measures nothing; q ends.",
+        text=f"On {host} {running}. Stop while measuring, and start again afterwards?",
+        help_text="y stops them like `rarms stop` and starts them afterwards; n does not measure; q ends.",
+    )
+
+
+def attach_question(components: Sequence[str]) -> Question:
+    """Ask whether services and containers that run already may be slowed down to measure."""
+    runs, pronoun = ("runs", "it") if len(components) == 1 else ("run", "them")
+    return Question(
+        text=(
+            f"{in_a_row(components)} {runs} already. Limit {pronoun} while measuring, and restore the "
+            "settings afterwards?"
+        ),
+        help_text="y limits it to the reservation of each setting; n does not measure; q ends.",
     )
 
 
@@ -111,8 +126,7 @@ def combine_question(offer: CombiningOffer) -> Question:
     misfit = "" if offer.need > offer.have else ", but no placement on the hosts"
     return Question(
         text=f"Need {need}, have {have}{misfit}{then}. Combine components?",
-        help_text="y measures components together, each combination after a question, as `rarms tune --interactive` "
-        "does; q ends.",
+        help_text="y asks before it measures each combination, like `rarms tune --interactive`; q ends.",
     )
 
 
@@ -121,7 +135,7 @@ def combination_question(members: Members, settings: int, gain: int) -> Question
     saves = show_lp_percent(gain)
     return Question(
         text=f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}.",
-        help_text="y measures them together, setting by setting, and keeps what is recorded; n tries another; q ends.",
+        help_text="y measures them together and saves each result; n tries another; q ends.",
     )
 
 

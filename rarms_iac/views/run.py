@@ -20,7 +20,7 @@ from rarms_iac.applying.run_report import (
     StepEnded,
 )
 from rarms_iac.applying.undo import UndoneStep
-from rarms_iac.model.commands import UNDO, Wording, prose
+from rarms_iac.model.commands import PLAN, PROVE, START, STATUS, UNDO, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.plan import HostPlan, Purpose, UndoLevel
 from rarms_iac.model.quantities import show_processors
@@ -50,17 +50,16 @@ LONGEST = 500
 def undo_text(undo: UndoPreview) -> "RenderableType":
     """List the steps of an undo in their order, with those that it cannot undo, and what stays as it was applied."""
     started = undo.started
-    begun_by = "applied" if started.run is RunKind.APPLY else "begun"
     lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
     lines += [f"  {visible(line[:LONGEST], keep='')}" for line in undo.script]
     if undo.keeps:
         lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
     return stack(
         paragraph(
-            f"Undo of plan {started.plan} on {undo.host}, {begun_by} by {visible(started.started_by, keep='')}, the "
-            "last change first:"
+            f"Undo of the {started.purpose.value} of plan {started.plan} on {undo.host}, started by "
+            f"{visible(started.started_by, keep='')}. The last change is undone first:"
         ),
-        *(lines or ["  no step of it changed anything"]),
+        *(lines or ["  none of its steps changed anything"]),
     )
 
 
@@ -72,7 +71,7 @@ def _describe_undone(step: UndoneStep) -> str:
 
 @dataclass(slots=True, kw_only=True)
 class _PartitionProgress:
-    """How far a run is with one partition, or with one thing of the host itself."""
+    """The progress of a run with one partition, or with one thing of the host itself."""
 
     name: str
     described: str  # with its components
@@ -116,7 +115,7 @@ class RunProgress(RunReporter):
         self._end_host()
         self._components = begun.components
         kind = GOES_ON[begun.purpose] if begun.run is RunKind.APPLY else "Undoing plan"
-        goes_on = f", going on after step {begun.done}" if begun.done else ""
+        goes_on = f", continuing after step {begun.done}" if begun.done else ""
         self._write(f"{kind} {begun.plan} on {begun.host}{goes_on}")
         for address in begun.addresses:
             self._partition(address).total += 1
@@ -214,6 +213,23 @@ def run_text(report: RunReport) -> "RenderableType":
     return stack(*map(paragraph, _sentences(report)))
 
 
+NEXT: Mapping[Purpose, RecommendedCommand] = {Purpose.APPLY: PROVE, Purpose.STOP: START, Purpose.IMPORT: PLAN}
+"""The command after a run that is done; after other runs it is `rarms status`."""
+
+
+def next_command(report: RunReport, *, answers: bool) -> RecommendedCommand | None:
+    """Return the command to recommend after a run; None: the run is not done, or it had nothing to do.
+
+    Args:
+        answers: whether somebody can be asked; without, a proof needs its consent in the command.
+    """
+    if report.ending is not RunEnding.DONE or not report.hosts:
+        return None
+    last = report.hosts[-1]
+    following = NEXT.get(last.purpose, STATUS) if last.run is RunKind.APPLY else STATUS
+    return following if answers or following != PROVE else command("prove", load_host=True)
+
+
 def _sentences(report: RunReport) -> Iterator[Wording]:
     partial = any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
     for host in report.hosts:
@@ -222,7 +238,7 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
         case RunEnding.NOTHING:
             yield "Nothing to do."
         case RunEnding.INTERRUPTED:
-            yield prose("Stopped after the running step. " if report.hosts else "Stopped. ", GO_ON)
+            yield prose("Stopped after the current step. " if report.hosts else "Stopped. ", GO_ON)
         case RunEnding.DONE | RunEnding.REFUSED | RunEnding.FAILED:
             pass
 
@@ -230,13 +246,13 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
 def _reported_host(report: HostReport, *, partial: bool) -> str:
     begun = f"{_run_name(report)} {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
-        return f"{begun}: nothing of it can be undone." if partial else f"{begun}: it had changed nothing."
-    steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} had nothing to do"
+        return f"{begun}: none of it can be undone." if partial else f"{begun}: it did not change anything."
+    steps = f"{counted(report.changed, 'step')} done, {report.unchanged} not needed"
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.host_plan is not None and report.host_plan.changes:
-        unchanged = f", {report.unchanged} had nothing to do" if report.unchanged else ""
+        unchanged = f", {report.unchanged} not needed" if report.unchanged else ""
         steps = f"{describe_counts([report.host_plan], done=True)} ({counted(report.total, 'step')}{unchanged})"
     return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
 
@@ -283,7 +299,6 @@ def interruption_text(ending: str, command: str, *, begun: bool) -> "RenderableT
     """Say that a command was interrupted or terminated, and how to go on; an empty line stands before it.
 
     Args:
-        ending: `interrupted` or `terminated`.
         begun: whether it had begun to measure, or to change a host.
     """
     advice = _advice_to_resume(command)
@@ -295,9 +310,9 @@ def _advice_to_resume(command: str) -> Wording:
     if command in {"measure", "prove", "tune"}:
         return " Results are saved; run the same command to continue."
     if command == "undo":
-        return " If it was changing a host, run the same command again to finish that."
+        return " If it was changing a host, run the same command again to finish the change."
     if command in {"apply", "destroy", "import", "release", "start", "stop"}:
         return prose(
-            " If it was changing a host, run the same command again to finish that, or ", UNDO, " to reverse it."
+            " If it was changing a host, run the same command again to finish the change, or ", UNDO, " to reverse it."
         )
     return ""

@@ -53,18 +53,16 @@ def _highlighted(text: str) -> str:
 
 
 def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[Wording]:
-    """Yield what is to be said of the scripts of a plan that are not shown."""
+    """Yield a remark on the scripts of a plan that are not shown."""
     others = {script.guest for script in scripts if script.guest} - {script.guest for script in selected}
     guests = sorted(others, key=natural_order)
     linux = [part.host.name for part in plan.hosts if part.facts.provider is ProviderKind.LINUX and part.steps]
     if linux:
-        yield prose(
-            f"A Linux host has no script, so {', '.join(linux)} has none: ", APPLY, " does the plan's steps itself."
-        )
+        yield prose(f"Linux hosts do not have scripts ({', '.join(linux)}): ", APPLY, " runs the steps directly.")
     elif not selected:
-        yield "The plan changes nothing on the hosts themselves."
+        yield "The plan does not change the hosts themselves."
     if guests:
-        yield f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME)."
+        yield f"Guests have their own scripts: {', '.join(guests)} (--guest NAME)."
 
 
 def difference_text(difference: ScriptDifference | TextDifference) -> "RenderableType":
@@ -72,9 +70,9 @@ def difference_text(difference: ScriptDifference | TextDifference) -> "Renderabl
     head = paragraph(f"From {difference.old} to {difference.new}:")
     if isinstance(difference, TextDifference):
         changed = [paragraph(line) for line in difference.lines[2:]]
-        return stack(head, *(changed or ["  they are equal, line by line."]))
+        return stack(head, *(changed or ["  all lines are equal."]))
     if not difference.steps:
-        return stack(head, "  they do the same, step by step.")
+        return stack(head, "  all steps are equal.")
     parts = [head]
     for step in difference.steps:
         text = f"{step.address}, {_describe_position(step)}: {step.action}"

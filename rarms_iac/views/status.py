@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.drift import ComparedHost
@@ -11,13 +12,13 @@ from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatu
 from rarms_iac.applying.refusals import describe_missing_journal
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose, sentences
-from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import Closing, PastRun, RunKind
 from rarms_iac.model.outcomes import Achievement
-from rarms_iac.model.quantities import share_of_host, share_of_processors, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.indexes import show_threshold
 from rarms_iac.views.changes import TITLES, members_of, name_findings
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled
 from rarms_iac.views.table import Column, Row, Table
@@ -46,13 +47,13 @@ def status_text(overview: Overview) -> "RenderableType":
         parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))
     unknown = [verdict for verdict in overview.verdicts if verdict.achievement is not Achievement.MET]
     parts += [paragraph(f"{line}.") for line in describe_verdicts(unknown)]
-    if overview.problems and not unknown:
+    if overview.problems and all(each.achievement is Achievement.PROVISIONAL for each in unknown):
         parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))
     if overview.unused_logs:
         logs = counted(overview.unused_logs, "data log")
-        parts.append(paragraph(f"{logs} of loads that no reservation uses, stale.", start="Unused: "))
+        parts.append(paragraph(f"{logs} for loads that are not in use, stale.", start="Unused: "))
     if overview.unknown:
-        parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be looked at.", start="Unknown: "))
+        parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be read.", start="Unknown: "))
     if at_work := describe_holders(overview.hosts):
         return stack(*parts, paragraph(at_work))
     if overview.next_command is None:
@@ -64,7 +65,7 @@ def status_text(overview: Overview) -> "RenderableType":
 def describe_holders(hosts: Sequence[HostOverview]) -> str:
     """Say which runs go on now and what they do, and that the next command follows from their end; empty: none."""
     sentences = [f"{host.held_by}, {_work_of_holder(host)} on {host.name}." for host in hosts if host.held_by]
-    return " ".join([*sentences, "What comes next is told when it has ended."] if sentences else [])
+    return " ".join([*sentences, "The next command is shown when it has ended."] if sentences else [])
 
 
 def _work_of_holder(host: HostOverview) -> str:
@@ -72,25 +73,28 @@ def _work_of_holder(host: HostOverview) -> str:
         return "applies a plan" if host.last_run.run is RunKind.APPLY else "undoes an apply"
     if host.is_at_measurement:
         return "measures"
-    return "is at work"
+    return "is running"
 
 
 def _nothing_left(overview: Overview) -> str:
     proven = "every threshold was proven" if overview.has_thresholds else "no component has a threshold to prove"
-    return f"Nothing is left to do: all is applied, and {proven}."
+    return f"All is applied, and {proven}."
 
 
 def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     if host.problems:
-        yield styled((f"Host {host.name}", STRONG), " could not be looked at:")
+        yield styled((f"Host {host.name}", STRONG), " could not be read:")
         yield from (paragraph(sentences(problem.detail, problem.advice), indent=2) for problem in host.problems)
         yield ""
         return
     totals = host.totals
-    assert totals is not None, "it was looked at"
+    assert totals is not None, "the host was read"
     bar = _bar(float((totals.reserved_lp + totals.unmanaged_lp) / totals.host_lp))
     yield styled((f"Host {host.name}", STRONG), f"  {bar}")
     yield replace(partitions_table(host), totals=(f"{describe_totals(totals)}.",), indent=2)
+    if host.attached:
+        end = "The end of the measurement restores" if host.held_by else "The next command that locks the host restores"
+        yield paragraph(f"A measurement limits {host.attached}. {end} its settings.", indent=2)
     for drift in host.other_drift:
         name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)
@@ -102,7 +106,7 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
 
 
 def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
-    """Return what is neither reserved by the application nor free.
+    """Return the capacity that is neither reserved by the application nor free.
 
     Examples are `0.3 LP by unmanaged machines` and `0.2 LP kept for the host`.
 
@@ -163,6 +167,9 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
             yield "stopped to measure"
         case _:
             yield "running" if partition.running else "off"
+    if partition.lasting_reserve is not None:
+        later = show_processors(guaranteed(partition.lasting_reserve, partition.processors))
+        yield f"start reservation, {later} afterwards"
     if partition.drift is not None and not partition.is_left_by_measurement:
         yield TITLES[partition.drift]
 
@@ -178,24 +185,25 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
         when = f", the first proven at {times[0]}, the last at {times[-1]}" if len(times) > 1 else when
         thresholds = f"{len(holding)} of {counted(len(of_load), 'threshold')}"
         with_load = f"under {load}" if load else "without load"
-        sentences.append(f"{thresholds} held together with all other components {with_load}{when}.")
+        sentences.append(f"{thresholds} met with all components running {with_load}{when}.")
     for proof in proofs:
         if proof.outdated:
             sentences.append(f"{proof.entry.component} is outdated: {'; '.join(proof.outdated)}.")
         elif not proof.proven.met:
             threshold = show_threshold(proof.index, proof.proven.threshold)
             verdict = describe_verdict(proof.index, proof.proven.verdict)
-            needed = f", {proof.proven.samples_needed} samples may tell" if proof.proven.samples_needed else ""
+            needed = f", about {proof.proven.samples_needed} samples needed" if proof.proven.samples_needed else ""
             setting = describe_proof_setting(proof)
             sentences.append(f"{proof.entry.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
     return list(dict.fromkeys(sentences))
 
 
+OWNER = Column("application", wraps=True)
 RUNS = (
     Column("when"),
     Column("run"),
     Column("plan"),
-    Column("application", wraps=True),
+    OWNER,
     Column("by", wraps=True),
     Column("ending", wraps=True),
 )
@@ -208,14 +216,22 @@ def describe_run(run: PastRun) -> str:
 
 
 def history_text(history: History) -> "RenderableType":
-    """Show the runs on each host, the last one first; an apply that was undone says so."""
+    """Show the runs on each host, the last one first; an apply that was undone says so.
+
+    The column of the application is left out if all runs are of the one that is asked for: the others need its room.
+    """
     parts: list[RenderableType] = []
+    is_shared = any(
+        run.robot or run.application != history.application for runs in history.hosts.values() for run in runs
+    )
+    shown = [is_shared or column is not OWNER for column in RUNS]
     for host, runs in history.hosts.items():
         marked = history.unrecorded.get(host)
-        parts.append(styled((f"Host {host}", STRONG), "" if runs or marked else "  nothing was applied here"))
+        parts.append(styled((f"Host {host}", STRONG), "" if runs or marked else "  no plan was applied here"))
         if marked:
             parts.append(paragraph(styled((describe_missing_journal(host, marked), CHANGED)), indent=2, more=2))
-        parts.append(Table(RUNS, history_rows(runs), indent=2))
+        rows = [tuple(compress(row, shown)) for row in history_rows(runs)]
+        parts.append(Table(tuple(compress(RUNS, shown)), rows, indent=2))
     return stack(*parts)
 
 
@@ -238,7 +254,7 @@ def _command(run: PastRun) -> str:
 
 
 def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
-    """Return how a run ended, or that a later run undid it."""
+    """Return the ending of a run, or that a later run undid it."""
     undos = (other for other in later if other.run is RunKind.UNDO and other.plan == run.plan)
     if run.run is RunKind.APPLY and any(undo.closing is Closing.DONE for undo in undos):
         return "undone"
@@ -278,12 +294,12 @@ def other_claims_text(fit: PlatformCapacity) -> str:
 def applied_text(host: ComparedHost, *, is_planned: bool) -> Wording:
     """Write whether the host is as the manifest wants it, and the command that makes it so."""
     if not is_planned:
-        return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
+        return prose("The manifest cannot be applied: ", PLAN, " shows the causes.")
     if not host.to_apply:
-        return "Applied: the host is as the manifest wants it."
+        return "Applied: the host is as in the manifest."
     addresses_of: dict[str, list[str]] = {}
     for difference in host.to_apply:
         title = TITLES[DriftKind.NOT_APPLIED if difference.drift is DriftKind.MISSING else difference.drift]
         addresses_of.setdefault(title, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows the changes, ", APPLY, " does it.")

@@ -1,10 +1,10 @@
 """The one form of a table: columns, rows and totals as data, for terminal, Markdown, page and files.
 
 `Table` is a renderable for a terminal. `markdown.table_markdown` writes it for a pull request, the templates of the
-page show it by `table_of`, and `for_files` yields its numbers for CSV and XLSX.
+page show it by `table_of` (`templates/report/table.html.j2`), and `for_files` yields its numbers for CSV and XLSX.
 """
 
-from collections.abc import Iterator, MutableSequence, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import compress, zip_longest
@@ -35,6 +35,7 @@ class Column:
     unit: str = ""  # of its numbers, for people
     in_files: str = ""  # its heading there, with the unit
     page_only: bool = False  # a terminal has no room for it
+    if_differs: bool = False  # a terminal leaves it out where all its cells are equal
     style: str = ""  # classes of its cells on the page
 
     @property
@@ -88,9 +89,14 @@ class Table:
         return Table(tuple(compress(self.columns, chosen)), rows, totals=self.totals)
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
-        shown = self._select([bool(column.title) and not column.page_only for column in self.columns])
+        shown = self._select([self._has_room(at) for at in range(len(self.columns))])
         yield from self._shown(shown, console, options.max_width - self.indent)
         yield from (paragraph(line, indent=self.indent, more=2) for line in self.totals)
+
+    def _has_room(self, at: int) -> bool:
+        column = self.columns[at]
+        is_constant = len({str(row[at]) for row in self.rows}) < 2
+        return bool(column.title) and not column.page_only and not (column.if_differs and is_constant)
 
     def _shown(self, shown: "Table", console: "Console", space: int) -> "Iterator[RenderableType]":
         if not shown.rows:
@@ -139,7 +145,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """How wide each column is where nothing is broken, and where no word is."""
+    """The width of each column if nothing is broken, and if no word is."""
 
     columns: Sequence[Column]
     widest: Sequence[int]
@@ -174,7 +180,7 @@ def _widest(cell: "Text") -> int:
 
 
 def text_of_cell(cell: Content, column: Column) -> "Text | str":
-    """Return what people read in a cell, with its styles."""
+    """Return the text of a cell, with its styles."""
     if cell is None or isinstance(cell, Cell | str | int | float | Fraction):
         return show_cell(cell, column.unit)
     return cell
@@ -211,7 +217,7 @@ def _number(cell: Content) -> str | int | float | None:
 
 
 def show_cell(cell: Content, unit: str = "") -> str:
-    """Return what people read in a cell; a number is followed by the unit of its column."""
+    """Return the text of a cell; a number is followed by the unit of its column."""
     match cell:
         case Cell(text=text):
             return text
@@ -230,32 +236,24 @@ def finite(value: float | None) -> float | None:
     return float(f"{value:.{DIGITS}g}") if value is not None and isfinite(value) else None
 
 
-class LiveRows(Protocol):
-    """A table whose last row changes while something runs, on a terminal or on a page."""
-
-    rows: MutableSequence[Sequence[str]]
-    """The finished ones."""
+class LiveRow(Protocol):
+    """A row that changes while something runs, on a terminal or on a page."""
 
     def show(self, row: Sequence[str]) -> None:
-        """Show the finished rows, and below them the row of what runs now."""
+        """Show what runs now."""
 
     def hide(self) -> None:
-        """Take the running row away."""
+        """Take it away."""
 
 
-def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Sequence[str]:
+def cut_row(row: Sequence[str], width: int) -> Sequence[str]:
     """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
-
-    Args:
-        rows: those above it, whose cells its columns are as wide as.
 
     Returns:
         The row; as it is where less than a third of the line is left for the last cell.
     """
     *others, last = row
-    taken = sum(
-        max(columns(each[number]) for each in (row, *rows) if number < len(each)) + 2 for number in range(len(others))
-    )
+    taken = sum(columns(cell) + 2 for cell in others)
     space = width - taken
     if columns(last) <= space or space < width // 3:
         return row
@@ -264,8 +262,8 @@ def cut_row(row: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> Se
     return (*others, f"{last}...")
 
 
-class LiveTable:
-    """A table on a terminal whose last row changes while something runs; it is gone when it is hidden.
+class LiveLine:
+    """A row at the end of a terminal that changes while something runs; it is gone when it is hidden.
 
     Args:
         console: of standard error, where it is a terminal.
@@ -274,21 +272,20 @@ class LiveTable:
     def __init__(self, console: "Console") -> None:
         self._console = console
         self._live: Live | None = None
-        self.rows: MutableSequence[Sequence[str]] = []
 
     def show(self, row: Sequence[str]) -> None:
-        """Show the finished rows and this one below them."""
+        """Show this row in place of the one before."""
         from rich.live import Live
 
         if self._live is None:
             self._live = Live(console=self._console, transient=True, auto_refresh=False)
             self._live.start()
-        row = cut_row(row, self.rows, self._console.width)
+        row = cut_row(row, self._console.width)
         shown = [Column(str(number), wraps=True) for number in range(len(row))]
-        self._live.update(Harmless(Table(shown, [*self.rows, row], header=False)), refresh=True)
+        self._live.update(Harmless(Table(shown, [row], header=False)), refresh=True)
 
     def hide(self) -> None:
-        """Take the table from the terminal, and give the cursor back."""
+        """Take it from the terminal, and give the cursor back."""
         if self._live is not None:
             self._live.stop()
             self._live = None

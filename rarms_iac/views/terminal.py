@@ -18,7 +18,7 @@ from rarms_iac.views.console import plain_text, spell_out_hidden, visible
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from rarms_iac.views.table import LiveTable
+    from rarms_iac.views.table import LiveLine
 
 
 NARROWEST = 40
@@ -29,7 +29,7 @@ DEFAULT_WIDTH = 80
 
 @dataclass(slots=True)
 class Terminal:
-    """Where a command writes to. A reader who has seen enough (`rarms plan | head`) is no error."""
+    """The output of a command. A reader who has seen enough (`rarms plan | head`) is not an error."""
 
     out: TextIO
     err: TextIO
@@ -45,7 +45,7 @@ class Terminal:
     answered: bool = False  # data was written
     out_closed: bool = False  # the process was started without a standard output
     manifest_options: str = ""  # ` -f cell`, as they were given: recommended commands repeat them
-    _live_table: "LiveTable | None" = None
+    _live_line: "LiveLine | None" = None
 
     @property
     def ascii_only(self) -> bool:
@@ -80,7 +80,7 @@ class Terminal:
         """
         if self.out_closed:
             self.answered = True  # nothing further can be
-            raise OSError(errno.EBADF, "Standard output is closed, and what was asked for is written there")
+            raise OSError(errno.EBADF, "Standard output is closed, so the result cannot be written")
 
     def _write(self, text: str, *, is_coloured: bool) -> None:
         self.out = write_text(self.out, text if is_coloured else spell_out_hidden(text))
@@ -122,7 +122,7 @@ class Terminal:
         return render(content, self.width if wrapped else UNLIMITED, colour=colour, manifest=self.manifest_options)
 
     def tell(self, text: Wording) -> None:
-        """Write sentences beside it, wrapped between words, and show them now; what begins with blanks is an item.
+        """Write sentences next to it, wrapped between words, and show them now; what begins with blanks is an item.
 
         NOTE: without rich, whose import a command with `--json` would wait for.
         """
@@ -140,13 +140,13 @@ class Terminal:
 
         return live_console(self.err, self.width, colour=self.talk_colour)
 
-    def live_table(self) -> "LiveTable | None":
-        """Return the command's one table that is updated in place; None where standard error is no terminal."""
-        if self.lively and self._live_table is None:
-            from rarms_iac.views.table import LiveTable
+    def live_line(self) -> "LiveLine | None":
+        """Return the command's one table that is updated in place; None where standard error is not a terminal."""
+        if self.lively and self._live_line is None:
+            from rarms_iac.views.table import LiveLine
 
-            self._live_table = LiveTable(self.live())
-        return self._live_table
+            self._live_line = LiveLine(self.live())
+        return self._live_line
 
     def status(self, text: str) -> None:
         """Write a piece of progress as it is, and show it now."""

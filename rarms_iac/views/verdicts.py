@@ -1,21 +1,24 @@
 """Verdicts in words, for all views, and `rarms prove`: every index of the applied layout with its verdict."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
+from rarms_iac.measuring.prove import ProveOutcome, ProveRequest, continue_command
 from rarms_iac.model.commands import MEASURE, Prose, prose
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
-from rarms_iac.model.outcomes import Achievement, VerdictWord, verdict_word
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.series import SkippedLines
-from rarms_iac.model.setting import join_skipped
+from rarms_iac.model.indexes import PerformanceIndex, index_named
+from rarms_iac.model.outcomes import Achievement, Condition, RareRuns, RareSlowJobs, VerdictWord, verdict_word
+from rarms_iac.model.quantities import show_number, show_processors
+from rarms_iac.model.series import MOST_SAMPLES, HeardMessages, SkippedLines
+from rarms_iac.model.setting import join_heard, join_skipped
 from rarms_iac.model.system import AtMost, Component, Threshold, run_of
 from rarms_iac.model.wording import counted, in_a_row, list_names, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.distributions import describe_errors
+from rarms_iac.texts.indexes import show_value
 from rarms_iac.views.console import paragraph
 from rarms_iac.views.table import Column, Table
 
@@ -83,12 +86,26 @@ def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
 
 VERDICTS = (
     Column("component", wraps=True),
-    Column("host", wraps=True),
+    Column("host", wraps=True, if_differs=True),
     Column("threshold", wraps=True),
     Column("measured", right=True),
     Column("load", wraps=True),
     Column("verdict", wraps=True),
 )
+
+
+def stopped_proof(outcome: ProveOutcome, request: ProveRequest, hosts: Sequence[str] = ()) -> Prose:
+    """Say what a proof that was stopped leaves, and the command that goes on with it.
+
+    Args:
+        hosts: the chosen ones; none: all of the manifest.
+    """
+    loads = list(dict.fromkeys(proof.interference or "no load" for proof in outcome.proofs))
+    following = continue_command(outcome, request, hosts)
+    if not loads:
+        return prose("Stopped before the first proof had ended. Nothing is proven. Start again: ", following, ".")
+    rest = "Continue with the other loads: " if outcome.remaining else "Start again with all hosts: "
+    return prose(f"Stopped. What was proven with {in_a_row(loads)} is saved. {rest}", following, ".")
 
 
 def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
@@ -101,9 +118,18 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
         for verdict in sorted(proof.verdicts, key=lambda each: natural_order(each.measured.component))
     ]
     sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
-    return Table(
-        VERDICTS, rows, totals=[*sharing, *_describe_skipped(proofs), _sureness(proofs), *map(_sentence, proofs)]
+    conditions = describe_conditions(
+        [each.condition for proof in proofs for each in proof.verdicts if each.condition is not None], verbose=True
     )
+    totals = [
+        *sharing,
+        *_describe_skipped(proofs),
+        _describe_delays(proofs),
+        conditions,
+        _sureness(proofs),
+        *map(_sentence, proofs),
+    ]
+    return Table(VERDICTS, rows, totals=list(filter(None, totals)))
 
 
 def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
@@ -111,10 +137,24 @@ def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
     return f"{component.name}: {describe_skipped(run_of(component).samples, skipped)}."
 
 
+def delay_sentence(messages: Mapping[str, HeardMessages]) -> str:
+    """Return the delay of the subscriber that response times from messages contain; empty: none was measured."""
+    delays = [
+        f"{name} {show_number(heard.delay_ms)} ms (p99 {show_number(heard.p99_delay_ms)} ms)"
+        for name, heard in sorted(messages.items(), key=lambda each: natural_order(each[0]))
+        if heard.delay_ms is not None and heard.p99_delay_ms is not None
+    ]
+    return f"Own delay of the message subscriber: {', '.join(delays)}." if delays else ""
+
+
 def _describe_skipped(proofs: Sequence[LayoutProof]) -> Iterator[str]:
     skipped = join_skipped(evidence for proof in proofs for evidence in proof.evidence)
     components = {component.name: component for proof in proofs for component in proof.layout.components}
     return (skipped_sentence(components[name], skipped[name]) for name in sorted(skipped, key=natural_order))
+
+
+def _describe_delays(proofs: Sequence[LayoutProof]) -> str:
+    return delay_sentence(join_heard(evidence for proof in proofs for evidence in proof.evidence))
 
 
 def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:
@@ -127,9 +167,10 @@ def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:
 def _verdict(verdict: IndexVerdict) -> str:
     measured = verdict.measured
     word = describe_verdict(index_named(measured.index), verdict_word(verdict.verdict))
+    word += CONDITIONAL if verdict.condition else ""
     if measured.overload is not None:
         return f"{word}, {measured.reason}"
-    return f"{word}: {verdict.samples_needed} samples may tell" if verdict.samples_needed else word
+    return f"{word}: about {verdict.samples_needed} samples needed" if verdict.samples_needed else word
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:
@@ -139,7 +180,7 @@ def describe_proof_setting(proof: ComponentProof) -> str:
 
 
 def proof_time(proof: ComponentProof) -> str:
-    """Return when it was proven, to the second, as all times are shown: `2026-02-01 12:00:00 UTC`."""
+    """Return the time of the proof to the second, as all times are shown: `2026-02-01 12:00:00 UTC`."""
     return f"{proof.entry.when[:10]} {proof.entry.when[11:19]} UTC"
 
 
@@ -184,3 +225,48 @@ def _sureness(proofs: Sequence[LayoutProof]) -> str:
     sure = any(each.error is not None and not index.is_extreme for each, index in verdicts)
     so_far = any(index.is_extreme and verdict_word(each.verdict) == "met" for each, index in verdicts)
     return describe_errors(sure=sure, so_far=so_far)
+
+
+CONDITIONAL = "*"
+"""Marks a measured value whose threshold is met on a condition; `describe_conditions` follows it."""
+
+
+def describe_conditions(conditions: Iterable[Condition], *, verbose: bool) -> str:
+    """Return the sentence below a table that has `CONDITIONAL`; empty without a condition.
+
+    Of a component's conditions, also under several loads, it says one of each kind, from which the others follow.
+    """
+    strictest: dict[tuple[str, str], Condition] = {}
+    for each in conditions:
+        key = each.component, each.kind
+        strictest[key] = _strictest(strictest.get(key, each), each)
+    by_component: defaultdict[str, list[str]] = defaultdict(list)
+    for (component, _), condition in strictest.items():
+        by_component[component].append(_describe_condition(condition))
+    parts = "; ".join(f"{component}: {' and '.join(said)}" for component, said in by_component.items())
+    if not parts:
+        return ""
+    return f"{CONDITIONAL} Met if jobs that no sample showed are rare{f'. {parts}' if verbose else ' (see -v)'}."
+
+
+def _strictest(one: Condition, other: Condition) -> Condition:
+    """Return a condition from which both follow; they are of one kind."""
+    once_in = max(one.once_in, other.once_in)
+    if isinstance(one, RareSlowJobs) and isinstance(other, RareSlowJobs):
+        return replace(one, slower_than_ms=min(one.slower_than_ms, other.slower_than_ms), once_in=once_in)
+    assert isinstance(one, RareRuns)
+    assert isinstance(other, RareRuns)
+    return replace(one, jobs=min(one.jobs, other.jobs), once_in=once_in)
+
+
+def _describe_condition(condition: Condition) -> str:
+    is_bounded = condition.once_in <= MOST_SAMPLES
+    match condition:
+        case RareSlowJobs(slower_than_ms=slowest):
+            how_many = f"at most 1 job in {condition.once_in:,}" if is_bounded else "no job"
+            return f"{how_many} slower than {show_value(index_named('maximum_response_time'), slowest)}"
+        case RareRuns(jobs=jobs):
+            what = f"run of {jobs} bad jobs"
+            return f"at most 1 {what} in {condition.once_in:,} jobs" if is_bounded else f"no {what}"
+        case _:
+            assert_never(condition)

@@ -9,13 +9,15 @@ $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
 $ProgressPreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
-$file = [System.IO.Path]::Combine($PSScriptRoot, $Version, 'Rarms.psd1')
+$file = [System.IO.Path]::Combine($PSScriptRoot, $Version, 'Rarms.psm1')
 if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $file)) {
     $folders = @(Microsoft.PowerShell.Management\Get-ChildItem -LiteralPath $PSScriptRoot -Directory)
     $names = @(foreach ($one in $folders) { $one.Name })
     [Console]::Out.WriteLine('rarms-receiver/1 has ' + ($names -join ' '))
     exit 90
 }
-$rarms = Import-Module -Name $file -Force -PassThru
+$rarms = Import-Module -Name ([WildcardPattern]::Escape($file)) -Force -PassThru -Function 'Receive-RarmsPlan'
 $invoke = $rarms.ExportedFunctions['Receive-RarmsPlan']
-exit (& $invoke)
+$source = [Console]::OpenStandardInput()
+[Console]::Out.WriteLine('rarms-receiver/1 ready ' + $Version)
+exit (& $invoke -Source $source)

@@ -78,7 +78,7 @@ const headline = (card, reserve) => {
 };
 
 const levelSentence = (card, reserve) => {
-  if (reserve === undefined) return "There is no APT yet: move a line to see what a level needs.";
+  if (reserve === undefined) return "The component has no threshold yet: move a line to see what a level needs.";
   if (reserve === null) return whyUnknown(card);
   if (leastReserve(wanted(card)) < reserve) return "The manifest fixes more for one of its components.";
   const deciding = wanted(card).filter((plot) => leastReserve([plot]) === reserve);

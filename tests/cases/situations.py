@@ -1,7 +1,7 @@
 """Situations of a Hyper-V host as plain files: `rarms.yaml`, `host.json` as observe.ps1 printed it, and what follows.
 
 `COMMAND` is what is asked (`plan`, `destroy`, ...), `plan.txt` what rarms shows, `findings.txt` what it says beside it,
-and `*.ps1` are the scripts of the ten situations in `WITH_SCRIPTS`. `python -m tests.cases.situations` writes the last
+and `*.ps1` are the scripts of the situations in `WITH_SCRIPTS`. `python -m tests.cases.situations` writes the last
 three; read the difference before you commit it. The scripts hold the digests of their module: a change of it changes
 all of them.
 """
@@ -44,6 +44,7 @@ WITH_SCRIPTS = frozenset(
         "processors-with-a-stop",
         "rename",
         "reserves-swap",
+        "start-with-more",
         "task-class-in-a-guest",
         "task-class-replaces-a-shipped-one",
     }

@@ -16,7 +16,7 @@ FOLDERS = folders()
 situations = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 
 
-def test_there_are_enough_of_them() -> None:
+def test_situations_are_many_and_some_have_scripts() -> None:
     assert len(FOLDERS) >= 25
     assert {folder.name for folder in FOLDERS if list(folder.glob("*.ps1"))} == WITH_SCRIPTS
 

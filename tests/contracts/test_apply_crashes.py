@@ -15,7 +15,9 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.make_plan import make_plan
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.applying.run_steps import take_back_starts
 from rarms_iac.applying.undo import undo
+from rarms_iac.model.journal import JournalRecord, StepRecorded, StepStatus
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import System
@@ -36,7 +38,10 @@ SECOND = builders.a_system(
     hosts=[builders.a_host()],
     components=[
         builders.a_component("vision", reserve="20 %", task="ObjectIdentification", memory="256 MiB"),
-        builders.a_component("driving", reserve="40 %", processors=1),
+        replace(
+            builders.a_component("driving", reserve="40 %", processors=1),
+            cpu=builders.a_cpu(reserve="40 %", starting=("50 %", "20 ms")),
+        ),
     ],
     tasks=[builders.a_task("ObjectIdentification")],
 )
@@ -136,3 +141,38 @@ def test_killed_apply_run_again_reaches_same_end(lab: Lab, tmp_path: Path, when:
             go_on(lab, lab.host(folder))
         assert lab.host(folder).observe() == end, counting.effects[at - 1]
         forget_groups(folder)
+
+
+def test_killed_start_keeps_more_until_next_look(lab: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What starts partitions with the machine gives it back, without the rest of the run."""
+    folder = lab.settled(tmp_path / "host")
+    host = lab.host(folder)
+    steps = a_plan(lab.system(SECOND), host).hosts[0].steps
+    (number,) = [at for at, step in enumerate(steps) if step.wait_ms]
+    record = host.record
+
+    def killed_after_start(entry: JournalRecord) -> None:
+        record(entry)
+        if isinstance(entry, StepRecorded) and entry.number == number - 1 and entry.status is StepStatus.CHANGED:
+            raise Crash
+
+    monkeypatch.setattr(host, "record", killed_after_start)
+    with suppress(Crash):
+        apply_again(lab.system(SECOND), host)
+
+    again = lab.host(folder)
+    journal = again.journal()
+    assert journal is not None
+    assert (journal.unfinished, reserve_of(again)) == (True, 100)
+    with again.lock("boot"):
+        assert take_back_starts(again, journal) is None
+    assert reserve_of(again) == 80
+    assert not take_back_starts(again, journal)
+    go_on(lab, again)
+    assert reserve_of(again) == 80
+
+
+def reserve_of(host: StepwiseHost) -> int:
+    """What `driving` has of its processor."""
+    (driving,) = [each for each in host.observe().partitions if each.settings.name == "driving"]
+    return driving.settings.reserve

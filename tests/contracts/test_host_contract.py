@@ -322,7 +322,7 @@ def test_disk_outlives_machine_until_nobody_has_it(windows: Room) -> None:
 
     assert windows.host().observe().disks == ()
     assert host.read(at, SCOPE) == {"exists": False}
-    with pytest.raises(HostRefused, match="there is no disk"):
+    with pytest.raises(HostRefused, match="does not exist"):
         do(host, removal)
 
 
@@ -375,7 +375,7 @@ def test_responsiveness_is_written_recorded_forgotten_and_taken_away(windows: Ro
     removal = RemoveTaskClass(task=SYSTEM_RESPONSIVENESS, inside="")
     do(host, removal)
     assert host.read(address, SCOPE)["exists"] is False
-    with pytest.raises(HostRefused, match="there is no SystemResponsiveness"):
+    with pytest.raises(HostRefused, match="SystemResponsiveness does not exist"):
         do(host, removal)
     do(host, _responsiveness(20), EraseTaskRecord(task=SYSTEM_RESPONSIVENESS, inside="", application="robot"))
 
@@ -441,7 +441,7 @@ def test_two_machines_with_one_mark_count_for_none(room: Room) -> None:
 
     assert [partition.mark for partition in host.observe().partitions] == [None, None]
     assert {partition.foreign_mark for partition in host.observe().partitions} == {
-        "the mark of robot/vision stands on 2 machines"
+        "2 machines have the mark of robot/vision"
     }
     assert re.search("no (machine|control group) is managed", refusal_of(host, start()))
 
@@ -453,7 +453,7 @@ def test_plan_knows_only_its_own_pending_machine(room: Room) -> None:
 
     assert host.read(VISION, SCOPE)["exists"] is True
     assert host.read(VISION, other) == NOTHING
-    assert re.search("there is a partition vision already", refusal_of(host, creation()))
+    assert re.search("a partition vision exists already", refusal_of(host, creation()))
 
 
 def test_marked_and_pending_machine_are_one_too_many(room: Room) -> None:
@@ -485,7 +485,7 @@ def test_what_needs_a_machine_that_is_off(windows: Room, operation: Operation, m
     host = windows.host()
     do(host, *making(), start())
 
-    assert re.search(f"is running, and .*{message}", refusal_of(host, operation))
+    assert re.search(f"is running; .*{message}", refusal_of(host, operation))
 
     do(host, StopPartition(partition="vision", grace_ms=120_000), operation)
 
@@ -495,7 +495,7 @@ def test_generation_1_has_no_secure_boot(windows: Room) -> None:
     host = windows.host()
     do(host, replace(creation(), generation=1), *rest)
 
-    assert "is of generation 1, which has no" in refusal_of(host, set_to("vision", secure_boot="off"))
+    assert "has generation 1, which does not have" in refusal_of(host, set_to("vision", secure_boot="off"))
 
 
 def test_the_startup_memory_of_a_running_dynamic_machine(windows: Room) -> None:
@@ -535,7 +535,7 @@ def test_running_machine_does_not_grow_beyond_host(room: Room) -> None:
     room.furnish(*making(), start())
     host = room.host()
 
-    assert re.search("needs 8 GiB, and of 4 GiB 4 GiB are free", refusal_of(host, set_to("vision", memory=8192 * MIB)))
+    assert re.search("needs 8 GiB; 4 GiB of 4 GiB are free", refusal_of(host, set_to("vision", memory=8192 * MIB)))
 
 
 @pytest.mark.parametrize(
@@ -569,16 +569,16 @@ def test_what_no_machine_can_have(room: Room, operation: Operation, message: str
             set_to("vision", memory=33 * MIB),
             "a machine has an even number of MiB, at least 32 MiB, not 33 MiB",
         ),
-        (CreatePartition(partition="x", generation=3, memory=32 * MIB), "there is no generation 3"),
-        (RemoveTaskClass(task="Nothing", inside=""), "there is no task class Nothing"),
+        (CreatePartition(partition="x", generation=3, memory=32 * MIB), "generation 3 does not exist"),
+        (RemoveTaskClass(task="Nothing", inside=""), "task class Nothing does not exist"),
         (WriteTaskClass(task="a\\b", inside="", values=VALUES), "a key's name has"),
         (
             WriteTaskClass(task="x", inside="", values={"p": RegistryValue(kind=ValueKind.DWORD, data=2**32)}),
-            "p is no 32-bit number",
+            "p is not a 32-bit number",
         ),
         (
             WriteTaskClass(task="x", inside="", values={"p": RegistryValue(kind=ValueKind.SZ, data=1)}),
-            "p is no text",
+            "p is not text",
         ),
         (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine is managed as the partition nobody"),
     ],
@@ -607,7 +607,7 @@ def test_too_much_reserve_is_only_noticed_at_start(room: Room) -> None:
     host = room.host()
 
     assert re.search(
-        "the reserve of speech, 50 % of each of 2 processors, does not fit 2 logical processors",
+        "the reserve of speech, 50 % of each of 2 processors, does not fit on 2 logical processors",
         refusal_of(host, start("speech")),
     )
 
@@ -628,9 +628,7 @@ def test_too_many_processors_start_only_without_reserve(room: Room) -> None:
     room.furnish(*making(processors=3, reserve=1))
     host = room.host()
 
-    assert re.search(
-        "3 (virtual )?processors with a reserve, and (there are|the host has) 2", refusal_of(host, start())
-    )
+    assert re.search("3 (virtual )?processors with a reserve; (there are|the host has) 2", refusal_of(host, start()))
 
     do(host, set_to("vision", reserve=0, limit=100, weight=100), start())
 
@@ -639,7 +637,7 @@ def test_missing_memory_is_noticed_at_start(room: Room) -> None:
     room.furnish(*making("vision", memory=3072 * MIB), *making("speech", memory=1026 * MIB), start("vision"))
     host = room.host()
 
-    assert re.search("speech needs 1.002 GiB, and of 4 GiB 1 GiB are free", refusal_of(host, start("speech")))
+    assert re.search("speech needs 1.002 GiB; 1 GiB of 4 GiB are free", refusal_of(host, start("speech")))
 
 
 def test_under_root_scheduler_reserves_are_stored_without_effect(windows: Room) -> None:
@@ -771,10 +769,10 @@ def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> 
 
     assert host.read(VISION, SCOPE)["state"] == state.value
     for operation in (set_to("vision", processors=1), set_to("vision", memory=32 * MIB)):
-        assert re.search(f"is {state.value}, and .* while it is off", refusal_of(host, operation))
+        assert re.search(f"is {state.value}; .* while it is off", refusal_of(host, operation))
     cpu = set_to("vision", reserve=10, limit=20, weight=30)
     if state is RunState.SAVED:
-        assert re.search("is saved, and its reserve can only change while it is off", refusal_of(host, cpu))
+        assert re.search("is saved; its reserve can only change while it is off", refusal_of(host, cpu))
     else:
         do(host, cpu)
 

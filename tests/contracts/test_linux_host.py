@@ -126,14 +126,14 @@ def test_memory_the_kernel_keeps_is_refused(host: LinuxHostProvider, monkeypatch
 def test_what_control_groups_do_not_have_is_refused(host: LinuxHostProvider) -> None:
     with pytest.raises(HostRefused, match="a control group cannot do this"):
         host.execute(set_to("vision", secure_boot="off"), SCOPE)
-    with pytest.raises(HostRefused, match="no dynamic memory"):
+    with pytest.raises(HostRefused, match="do not have dynamic memory"):
         host.execute(set_to("vision", memory=32 * MIB, dynamic_memory=True), SCOPE)
 
 
 def test_what_others_may_write_is_not_believed(host: LinuxHostProvider, tmp_path: Path) -> None:
     (tmp_path / "rarms").chmod(0o777)
 
-    with pytest.raises(HostDamaged, match="others than root may write"):
+    with pytest.raises(HostDamaged, match="users other than root may write"):
         host.observe()
 
 
@@ -146,7 +146,7 @@ def test_folder_open_to_others_is_refused(host: LinuxHostProvider, tmp_path: Pat
     (tmp_path / "rarms").chmod(0o777)
 
     for _ in "12":
-        with pytest.raises(HostDamaged, match="others than root may write"), host.lock("ann@lab"):
+        with pytest.raises(HostDamaged, match="users other than root may write"), host.lock("ann@lab"):
             pass
 
 
@@ -176,7 +176,7 @@ def test_slice_that_rarms_did_not_make_is_refused(tmp_path: Path) -> None:
             lambda: open_linux(builders.a_host(), tmp_path).examined("robot"),
             lambda: open_linux(builders.a_host(keep_processor="10 %"), tmp_path).lock("ann@lab").__enter__(),
         ):
-            with pytest.raises(HostRefused, match="has no record that rarms made it"):
+            with pytest.raises(HostRefused, match="has no record that rarms created it"):
                 use()
 
         assert groups_of(tmp_path).names() == ("services",)
@@ -255,7 +255,7 @@ def test_state_folder_of_another_user_is_refused(tmp_path: Path) -> None:
     host = open_linux(builders.a_host(), tmp_path)
 
     for use in (host.journal, host.unfinished, lambda: host.lock("ann@lab").__enter__()):
-        with pytest.raises(HostDamaged, match=f"others than root may write to {tmp_path}"):
+        with pytest.raises(HostDamaged, match=f"users other than root may write to {tmp_path}"):
             use()
 
     assert list(tmp_path.iterdir()) == []

@@ -12,16 +12,17 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.partitions import (
+    load_reserves,
     remove_test_partitions,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
 )
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress, load_parts
 from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import P1, P2, EnvironmentSetup
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, P2_SECOND, EnvironmentSetup
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused
@@ -62,7 +63,7 @@ def linux(folder: Path) -> MeasuringHost:
 SETUP = EnvironmentSetup(
     members=("ears", "eyes"), interference="busy-loop", processors=2, memory=memory("512 MiB"), limit=100, weight=100
 )
-SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
+SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"), parts=2)
 
 
 def program(work_s: float, sleep_s: float = 0.0, processes: int = 1) -> Run:
@@ -90,16 +91,21 @@ def host(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[MeasuringHo
 
 
 @contextmanager
-def ready(host: MeasuringHost, reserve: int = 60) -> Iterator[None]:
-    with running_test_partitions(host, "robot", SHAPES):
-        set_reserves(host, "robot", SHAPES, {P1: reserve, P2: 100 - reserve})
+def ready(host: MeasuringHost, reserve: int = 60, load: Interference = BUSY) -> Iterator[None]:
+    parts = load_parts(load, 2)
+    shapes = SHAPES[: 1 + parts]
+    with running_test_partitions(host, "robot", shapes):
+        set_reserves(host, "robot", shapes, {P1: reserve, **load_reserves(100 - reserve, parts)})
         yield
 
 
 def some_work(*components: Component, seed: int = 7, load: Interference = BUSY, **until: SampleCount | Elapsed) -> Work:
     return Work(
         application="robot",
-        partitions=(PartitionWork(partition=P1, components=components), PartitionWork(partition=P2, load=load)),
+        partitions=(
+            PartitionWork(partition=P1, components=components),
+            *(PartitionWork(partition=name, load=load) for name in LOAD_PARTITIONS[: load_parts(load, 2)]),
+        ),
         until=until,
         seed=seed,
     )
@@ -198,8 +204,9 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
 def test_beside_bursts_components_get_the_rest(host: MeasuringHost, load: str) -> None:
     """P1 reserves 20 %: beside bursts of P2's own 80 % it has hardly more, beside half of the time about half."""
     greedy = a_component("eyes", run=program(0.004, processes=2), simulation=a_simulation(work="4 ms", threads=2))
-    work = some_work(greedy, load=LOADS_WITHOUT_ENTRY[load], eyes=Elapsed(time=milliseconds("3000 ms")))
-    with ready(host, 20), host.run(work) as running:
+    described = LOADS_WITHOUT_ENTRY[load]
+    work = some_work(greedy, load=described, eyes=Elapsed(time=milliseconds("3000 ms")))
+    with ready(host, 20, described), host.run(work) as running:
         assert list(running.samples())
         share = (running.cpu_ms("eyes") or 0.0) / running.elapsed_ms() / 2
 
@@ -232,7 +239,7 @@ def test_real_processes_share_as_p1_and_p2_reserve(tmp_path: Path, reserve: int)
                     running.count_from_now()
             evidence = running.evidence()
         assert evidence is not None
-        shares.append(evidence.cpu_ms[P1] / (evidence.cpu_ms[P1] + evidence.cpu_ms[P2]))
+        shares.append(evidence.cpu_ms[P1] / (evidence.cpu_ms[P1] + evidence.load_cpu_ms))
     forget_groups(tmp_path)
 
     assert shares[-1] == pytest.approx(reserve / 100, abs=0.03), shares
@@ -251,7 +258,7 @@ def test_real_work_leaves_nothing_and_ran_in_groups(tmp_path: Path) -> None:
         after = [groups.processes(name) for name in groups.names()]
     forget_groups(tmp_path)
 
-    assert sorted(inside.values()) == [2, 3], "two components; two busy loops and what started them"
+    assert sorted(inside.values()) == [2, 3, 3], "two components; twice two busy loops and what started them"
     assert all(inside_group == () for inside_group in after)
     assert all(each is not None and each > 0 for each in consumed)
 
@@ -263,12 +270,12 @@ def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytes
 
     assert (host.obstacle(EYES), host.obstacle(BusyLoop())) == (None, None)
     assert reason(host.obstacle(a_component("eyes", run=a_run(command=("no-such-program",))))) == (
-        'there is no program "no-such-program" on the PATH'
+        'the program "no-such-program" is not on the PATH'
     )
     assert reason(host.obstacle(a_component("nobody"))) == "it has no `run`"
     assert "no-such-program" in reason(host.obstacle(CommandLoad(command=("no-such-program",))))
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert reason(host.obstacle(Stress(stressor="timer"))) == "there is no stress-ng on the PATH: stress-ng"
+    assert reason(host.obstacle(Stress(stressor="timer"))) == "stress-ng was not found on the PATH: stress-ng"
 
 
 def reason(obstacle: Obstacle | None) -> str:
@@ -306,9 +313,9 @@ def test_killed_measurement_leaves_nothing_running(tmp_path: Path) -> None:
     removed = remove_test_partitions(linux(tmp_path))
     forget_groups(tmp_path)
 
-    assert inside == {P1: 1, P2: 3}
-    assert after == [(), ()]
-    assert removed == (P1, P2)
+    assert inside == {P1: 1, P2: 3, P2_SECOND: 3}
+    assert after == [(), (), ()]
+    assert removed == (P1, P2, P2_SECOND)
     assert groups.names() == ()
 
 
@@ -317,12 +324,12 @@ def test_killed_measurement_leaves_nothing_running(tmp_path: Path) -> None:
 def test_component_that_cannot_start_leaves_nothing(tmp_path: Path) -> None:
     host = linux(tmp_path)
     missing = a_component("eyes", run=a_run(command=("no-such-program",)))
-    with ready(host), pytest.raises(HostRefused, match="no program"), host.run(some_work(missing)):
+    with ready(host), pytest.raises(HostRefused, match="the program"), host.run(some_work(missing)):
         raise AssertionError("it cannot start")
     assert groups_of(tmp_path).names() == ()
 
 
-def test_the_bench_says_what_it_is(host: MeasuringHost) -> None:
+def test_measuring_host_tells_its_platform(host: MeasuringHost) -> None:
     bench = host.platform_facts()
 
     assert bench.logical_processors == host.observe().facts.logical_processors
@@ -350,7 +357,7 @@ def test_equal_seeds_give_equal_samples(tmp_path: Path) -> None:
 def test_a_simulated_component_needs_a_demand(tmp_path: Path) -> None:
     host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", SchedulerSimulation)
     work = some_work(a_component("nobody", simulation=None), nobody=SampleCount(samples=2))
-    with ready(host), pytest.raises(HostRefused, match="does not say what it demands"), host.run(work):
+    with ready(host), pytest.raises(HostRefused, match="its demand on a simulated host"), host.run(work):
         raise AssertionError("it has no demand")
 
 

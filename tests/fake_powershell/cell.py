@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 from rarms_iac.applying.make_plan import PlanningResult, make_plan
+from rarms_iac.applying.run_script import ScriptJob, apply_job
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
@@ -78,6 +79,12 @@ def files_of(plan: Plan) -> Mapping[str, bytes]:
 
 def apply_script(plan: Plan) -> str:
     return script_name(plan.hosts[0])
+
+
+def job_of(plan: Plan) -> ScriptJob:
+    """The scripts of its only host, as `rarms apply` runs them."""
+    (part,) = plan.hosts
+    return apply_job(plan, part, part.scripts)
 
 
 def undo_script(plan: Plan) -> str:

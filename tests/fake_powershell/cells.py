@@ -18,7 +18,7 @@ from rarms_iac.model.system import (
 from tests.builders import a_component, a_host, a_partition, a_system
 from tests.fake_powershell.cell import Cell, apply, files_of
 from tests.fake_powershell.host import Entry, Vm, WindowsHost
-from tests.fake_powershell.observing import PROFILE, WINDOWS
+from tests.fake_powershell.observing import CRYPTOGRAPHY, PROFILE, WINDOWS
 from tests.fake_powershell.run import put
 
 GIB = 2**30
@@ -31,6 +31,7 @@ def a_windows(*strangers: Vm, **facts: object) -> WindowsHost:
     host = WindowsHost(logical_processors=4, memory=8 * GIB, switches=["lab"])
     for name, data in (("InstallationType", "Server"), ("CurrentBuildNumber", "26100"), ("ProductName", "Server")):
         host.add_key(WINDOWS).values[name.lower()] = Entry(name=name, kind="String", data=data)
+    host.add_key(CRYPTOGRAPHY)
     host.add_key(MMCSS).values["start"] = Entry(name="Start", kind="DWord", data=2)
     games = host.add_key(f"{PROFILE}\\Tasks\\Games").values
     for name, kind, shipped in (("Affinity", "DWord", 2**32 - 1), ("Scheduling Category", "String", "Medium")):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable, Mapping
 
-from tests.fake_powershell import guests, hyperv, modules
-from tests.fake_powershell.commands import refused
-from tests.fake_powershell.dotnet import AccessList, content
-from tests.fake_powershell.host import ADMINISTRATORS, READ_WRITE, Entry, Interrupted, Key
+from tests.fake_powershell import guests, hyperv, modules, windows
+from tests.fake_powershell.dotnet import AccessList
+from tests.fake_powershell.host import ADMINISTRATORS, Entry, Interrupted, Key
+from tests.fake_powershell.hyperv import refused
 from tests.fake_powershell.scopes import Scope
 from tests.fake_powershell.text import from_json, to_json
 from tests.fake_powershell.values import (
@@ -28,7 +27,6 @@ from tests.fake_powershell.values import (
 )
 
 Given = Mapping[str, Value]
-HYPERVISOR = "Microsoft-Windows-Hyper-V-Hypervisor"
 
 
 class RegistryKey(Thing):
@@ -87,7 +85,7 @@ def test_path(scope: Scope, given: Given) -> bool:
 
 def get_item(scope: Scope, given: Given) -> Thing:
     host, path = scope.session.host, text(given["literalpath"])
-    refused(scope, f"Get-Item {path}")
+    refused(scope.session.host, f"Get-Item {path}")
     if _is_registry(path):
         key = host.key(path)
         if key is None:
@@ -101,11 +99,11 @@ def get_item(scope: Scope, given: Given) -> Thing:
 
 def get_child_item(scope: Scope, given: Given) -> list[Value]:
     host, path = scope.session.host, text(given["literalpath"])
-    refused(scope, f"Get-ChildItem {path}")
+    refused(scope.session.host, f"Get-ChildItem {path}")
     if not _is_registry(path):
         return _in_folder(scope, path)
     if host.key(path) is None:
-        raise not_found(path, "GetChildItemCommand")
+        raise not_found(f"HKEY_LOCAL_MACHINE{path.removeprefix('HKLM:')}", "GetChildItemCommand")
     return [RegistryKey(key) for key in host.below(path)]
 
 
@@ -236,11 +234,11 @@ def remove_item(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
-def get_content(scope: Scope, given: Given) -> str:
-    if not given.get("raw"):
-        raise Unsupported("Get-Content by lines")
-    # It shares the file for writing, too.
-    return content(scope, given["literalpath"], READ_WRITE).decode("utf-8-sig", "replace")
+def convert_to_secure_string(scope: Scope, given: Given) -> Record:
+    """What ConvertFrom-SecureString wrote for this user on this computer; `other` stands for anybody else's."""
+    if given["string"] == "other":
+        raise ScriptError("Error occurred during a cryptographic operation.", error_id="ImportSecureString")
+    return Record(Secret=text(given["string"]))
 
 
 def get_acl(scope: Scope, given: Given) -> AccessList:
@@ -275,76 +273,6 @@ def join_path(scope: Scope, given: Given) -> str:
             f"Cannot find drive. A drive with the name '{path[0]}' does not exist.", error_id="DriveNotFound"
         )
     return path.rstrip("\\") + "\\" + child.lstrip("\\")
-
-
-def get_win_event(scope: Scope, given: Given) -> list[Value]:
-    wanted = given["filterhashtable"]
-    assert isinstance(wanted, Table)
-    if wanted.at("ProviderName") != HYPERVISOR or wanted.at("ID") != 2:
-        raise Unsupported("another event than the scheduler's")
-    data = scope.session.host.scheduler
-    if data is None:
-        raise ScriptError(
-            "No events were found that match the specified selection criteria.",
-            error_id="NoMatchingEventsFound,Microsoft.PowerShell.Commands.GetWinEventCommand",
-            category="ObjectNotFound",
-        )
-    return [Record(Id=2, Properties=[Record(Value=data)])]
-
-
-def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
-    host, name = scope.session.host, text(given["classname"])
-    refused(scope, f"Get-CimInstance {name}")
-    match name:
-        case "Msvm_ComputerSystem":
-            own = [Record(Name=host.computer)] if host.host_visible else []
-            return own + [Record(Name=vm.id.upper()) for vm in host.vms.values()]
-        case "Win32_ComputerSystem":
-            return [Record(HypervisorPresent=host.hypervisor_running)]
-        case "Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor":
-            return [Record(Name="_Total")] if host.counters else []
-        case "Win32_Processor":
-            names = ("NumberOfCores", "NumberOfLogicalProcessors")
-            return [
-                Record(
-                    Name=processor["name"], **dict(zip(names, (processor["cores"], processor["logical"]), strict=True))
-                )
-                for processor in host.processors
-            ]
-        case "Msvm_ProcessorSettingData":
-            return [
-                Record(InstanceID=group["instance"], CpuGroupId=group["group"], Reservation=group["reservation"])
-                for group in host.cpu_groups
-            ]
-        case "Msvm_KvpExchangeComponent":
-            return [
-                Record(SystemName=vm.id.upper(), GuestIntrinsicExchangeItems=_told(vm.guest_build * vm.tells_build))
-                for vm in host.vms.values()
-                if vm.state == "Running"
-            ]
-        case "Msvm_ShutdownComponent":
-            return [
-                Record(SystemName=vm.id.upper(), EnabledState=2, OperationalStatus=[2 if vm.shutdown_service else 12])
-                for vm in host.vms.values()
-                if vm.state == "Running"
-            ]
-        case _ if name.startswith(guests.COUNTERS):
-            return guests.counters(host, name.removeprefix(guests.COUNTERS))
-        case _:
-            raise Unsupported(f"the class {name}")
-
-
-def _told(build: int) -> list[Value]:
-    """What a guest tells its host of itself."""
-    if not build:
-        return []
-    pairs = {"FullyQualifiedDomainName": "robot", "OSName": "Windows Server 2025", "OSBuildNumber": str(build)}
-    return [
-        f'<INSTANCE CLASSNAME="Msvm_KvpExchangeDataItem"><PROPERTY NAME="Caption" TYPE="string"></PROPERTY>'
-        f'<PROPERTY NAME="Data" TYPE="string"><VALUE>{data}</VALUE></PROPERTY>'
-        f'<PROPERTY NAME="Name" TYPE="string"><VALUE>{name}</VALUE></PROPERTY></INSTANCE>'
-        for name, data in pairs.items()
-    ]
 
 
 def start_sleep(scope: Scope, given: Given) -> Value:
@@ -396,15 +324,6 @@ def set_strict_mode(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
-def get_file_hash(scope: Scope, given: Given) -> Value:
-    """It opens the file for reading and shares it for reading: a file that is open for writing is refused."""
-    path = text(given["literalpath"])
-    if text(given.get("algorithm", "SHA256")) != "SHA256":
-        raise Unsupported("another hash than SHA256")
-    digest = hashlib.sha256(content(scope, path)).hexdigest().upper()
-    return Record(Algorithm="SHA256", Hash=digest, Path=path)
-
-
 def _silent(scope: Scope, given: Given) -> Value:
     return EMPTY
 
@@ -436,8 +355,6 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-acl": get_acl,
     "set-acl": set_acl,
     "join-path": join_path,
-    "get-winevent": get_win_event,
-    "get-ciminstance": get_cim_instance,
     "start-sleep": start_sleep,
     "write-information": write_information,
     "write-verbose": _silent,
@@ -446,22 +363,16 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "convertto-json": convert_to_json,
     "convertfrom-json": lambda scope, given: from_json(text(given["inputobject"])),
     "get-module": lambda scope, given: [Record(Version=version) for version in scope.session.host.module],
-    "get-executionpolicy": lambda scope, given: [
-        Record(Scope=Enumerated(where), ExecutionPolicy=Enumerated(policy))
-        for where, policy in scope.session.host.execution_policy
-    ],
-    "get-content": get_content,
     "get-command": modules.get_command,
     "get-alias": modules.get_alias,
     "export-modulemember": modules.export_module_member,
     "import-module": modules.import_module,
     "new-module": modules.new_module,
-    "get-filehash": get_file_hash,
     "new-pssession": guests.new_session,
     "remove-pssession": guests.remove_session,
     "invoke-command": guests.invoke_command,
-    "convertto-securestring": lambda scope, given: Record(Secret=text(given["string"])),
-    **{name: _of_hyperv(call) for name, call in hyperv.CMDLETS.items()},
+    "convertto-securestring": convert_to_secure_string,
+    **{name: _of_hyperv(call) for name, call in (hyperv.CMDLETS | windows.CMDLETS).items()},
     "receive-job": receive_job,
     "remove-job": remove_job,
 }

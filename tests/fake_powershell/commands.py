@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from tests.fake_powershell.dotnet import content
 from tests.fake_powershell.expressions import Expression, expression, invoke, only, run_block
+from tests.fake_powershell.hyperv import require_answer
 from tests.fake_powershell.scopes import Block, Body, Exit, FunctionInfo, Scope
-from tests.fake_powershell.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth
+from tests.fake_powershell.values import EMPTY, ScriptError, Unsupported, Value, number, text, truth
 from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
 from tests.powershell_lint.tree import text_of
 
@@ -203,13 +204,9 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
     defaults = defaults_of(scope, plain)
     bound = {**{name: value for name, value in defaults.items() if called.parameter(name)}, **bound}
     try:
-        refused(scope, plain)
-        machines = bound.get("vm")
-        if machines is not None:
+        if bound.get("vm") is not None:
             _require_kind(scope)
-        for machine in machines if isinstance(machines, list) else [machines]:
-            if isinstance(machine, Thing):
-                refused(scope, f"{plain} {machine.get('Name')}")
+        require_answer(scope.session.host, plain, bound)
         if called.should_process and not _is_wanted(scope, plain):
             return EMPTY
         return do(scope, bound)
@@ -251,13 +248,6 @@ def defaults_of(scope: Scope, name: str) -> dict[str, Value]:
         if fnmatch(name.lower(), pattern):
             found[parameter] = value
     return found
-
-
-def refused(scope: Scope, what: str) -> None:
-    """Raise what the host has been told to answer this command with."""
-    if found := scope.session.host.refusals.get(what):
-        error_id, category, says = found
-        raise ScriptError(says, error_id=error_id, category=category)
 
 
 def piped(node: Node) -> Pipe:

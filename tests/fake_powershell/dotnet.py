@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from base64 import b64decode
 from collections.abc import Callable
 
 from tests.fake_powershell import guests
-from tests.fake_powershell.host import READ, READ_WRITE, WRITE, File, WindowsHost
+from tests.fake_powershell.host import DELETE, READ, READ_WRITE, WRITE, File, WindowsHost
+from tests.fake_powershell.hyperv import refused
 from tests.fake_powershell.operators import match_thing
 from tests.fake_powershell.scopes import Scope
 from tests.fake_powershell.text import regex
@@ -41,11 +43,13 @@ def static_property(kind: str, name: str, scope: Scope) -> Value:
         case "intptr", "size":
             return host.bits // 8
         case "text.encoding", "ascii":
-            return Ascii()
+            return Encoding("ascii")
+        case "text.encoding", "utf8":
+            return Encoding("utf-8")
         case "stringcomparer", "ordinal":
             return Thing()
-        case "stringcomparison", "ordinal":
-            return Enumerated("Ordinal")
+        case "stringcomparison", ("ordinal" | "ordinalignorecase"):
+            return Enumerated(name)
         case "io.fileattributes", "reparsepoint":
             return REPARSE_POINT
         case "io.filemode" | "io.fileaccess" | "io.fileshare" | "security.principal.windowsbuiltinrole", _:
@@ -72,15 +76,28 @@ def _short(kind: str) -> str:
     return kind.removeprefix("system.")
 
 
-class Ascii(Thing):
-    """ASCII, which puts `?` for what it does not have."""
+class Encoding(Thing):
+    """A text encoding, which puts `?` for what it does not have."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
 
     def do_getbytes(self, value: Value) -> bytes:
-        return text(value).encode("ascii", "replace")
+        return text(value).encode(self.name, "replace")
 
     def do_getstring(self, data: Value, offset: Value = 0, count: Value = None) -> str:
         end = len(data) if count is None else number(offset) + number(count)
-        return bytes(data)[number(offset) : end].decode("ascii", "replace").replace("\N{REPLACEMENT CHARACTER}", "?")
+        return bytes(data)[number(offset) : end].decode(self.name, "replace").replace("\N{REPLACEMENT CHARACTER}", "?")
+
+
+def _encoding(scope: Scope, page: Value) -> Encoding:
+    if page != LATIN_1:
+        raise Unsupported(f"the code page {page}")
+    return Encoding("latin-1")
+
+
+LATIN_1 = 28591
 
 
 class Sha256(Thing):
@@ -115,6 +132,9 @@ class Stream(Thing):
         assert found.data is not None
         return found.data
 
+    def get(self, name: str) -> Value:
+        return len(self.data) if name.lower() == "length" else super().get(name)
+
     def do_setlength(self, length: Value) -> Value:
         if number(length) == len(self.data):
             return EMPTY
@@ -132,12 +152,14 @@ class Stream(Thing):
         at = self.position
         self.position += len(new)
         fresh = self.data[:at] + new + self.data[self.position :]
+        self.host.unflushed.add(self.path)
         self.host.effect(f"write {self.path}", lambda: self.host.write_file(self.path, fresh))
         return EMPTY
 
     def do_flush(self, to_disk: Value) -> Value:
         if to_disk is not True:
             raise Unsupported("a flush that does not reach the disk")
+        self.host.unflushed.discard(self.path)
         return EMPTY
 
     def do_dispose(self) -> Value:
@@ -190,13 +212,13 @@ def _is_file(host: WindowsHost, path: str) -> bool:
     return path in host.guest_files or (found is not None and found.data is not None)
 
 
-def content(scope: Scope, path: Value, share: frozenset[str] = READ) -> bytes:
-    """What a reader gets that opens the file for reading, shares it, for reading alone if not told, and closes it."""
+def content(scope: Scope, path: Value) -> bytes:
+    """What a reader gets that opens the file, shares it for reading alone, and closes it."""
     host = scope.session.host
     found = host.file(text(path))
     if found is None or found.data is None:
         raise missing(text(path))
-    host.close(host.open(text(path), READ, share))
+    host.close(host.open(text(path), READ, READ))
     return found.data
 
 
@@ -205,13 +227,6 @@ def _attributes(scope: Scope, path: Value) -> int:
     if found is None:
         raise missing(text(path))
     return REPARSE_POINT if found.link else 0
-
-
-def _write_all(scope: Scope, path: Value, data: Value) -> Value:
-    host, where = scope.session.host, text(path)
-    host.close(host.open(where, WRITE, READ))
-    host.effect(f"write {where}", lambda: host.write_file(where, text(data).encode()))
-    return EMPTY
 
 
 def _make_folder(scope: Scope, path: Value) -> Value:
@@ -224,7 +239,7 @@ def _make_folder(scope: Scope, path: Value) -> Value:
 def _move(scope: Scope, old: Value, new: Value) -> Value:
     host, source, target = scope.session.host, text(old), text(new)
     data = content(scope, source)
-    host.require_unopened(source)
+    host.require_unheld(source)
     if host.file(target):
         raise ScriptError("Cannot create a file when that file already exists.", error_id="IOException")
 
@@ -240,16 +255,16 @@ def _delete(scope: Scope, path: Value) -> Value:
     host, where = scope.session.host, text(path)
     if where.lower() not in host.files:
         return EMPTY  # what is not there is deleted without an error
-    host.require_unopened(where)
+    host.require_unheld(where)
     host.effect(f"delete {where}", lambda: host.files.pop(where.lower(), None))
     return EMPTY
 
 
 def _delete_folder(scope: Scope, path: Value, recursive: Value = False) -> Value:
     host, where = scope.session.host, text(path).lower()
-    inside = [at for at in host.files if at.startswith(where + "\\")]
+    inside = sorted((at for at in host.files if at.startswith(where + "\\")), reverse=True)
     for at in inside if recursive else ():
-        _delete(scope, at)
+        _delete(scope, host.files[at].path)
     if (inside and not recursive) or any(vm.folder.lower() == where for vm in host.vms.values()):
         raise ScriptError("The directory is not empty.", error_id="IOException", kind="System.IO.IOException")
     return _delete(scope, path)
@@ -259,7 +274,7 @@ def _replace(scope: Scope, old: Value, new: Value, backup: Value) -> Value:
     host, source, target, kept = scope.session.host, text(old), text(new), text(backup)
     data, before = content(scope, source), content(scope, target)
     for path in (source, target):
-        host.require_unopened(path)
+        host.require_unheld(path)
 
     def do() -> None:
         host.write_file(kept, before)
@@ -288,7 +303,8 @@ def _sort(scope: Scope, values: Value, comparer: Value) -> Value:
 
 def _new_stream(scope: Scope, path: Value, mode: Value, access: Value, share: Value = "read") -> Stream:
     host, where = scope.session.host, text(path)
-    how, wanted, shared = str(mode).lower(), _RIGHTS[str(access).lower()], _RIGHTS[str(share).lower()]
+    refused(host, f"open {where}")
+    how, wanted, shared = str(mode).lower(), _RIGHTS[str(access).lower()], _rights(str(share))
     if how == "createnew" and host.file(where):
         raise ScriptError(f"The file '{where}' already exists.", error_id="IOException", kind="System.IO.IOException")
     if how == "open" and host.file(where) is None:
@@ -298,14 +314,34 @@ def _new_stream(scope: Scope, path: Value, mode: Value, access: Value, share: Va
     return Stream(host, where, wanted, shared)
 
 
-_RIGHTS = {"read": READ, "write": WRITE, "readwrite": READ_WRITE, "none": frozenset[str]()}
+_RIGHTS = {"read": READ, "write": WRITE, "readwrite": READ_WRITE, "delete": DELETE, "none": frozenset[str]()}
+
+
+def _rights(words: str) -> frozenset[str]:
+    """The flags of a list with commas."""
+    return frozenset[str]().union(*(_RIGHTS[word.strip().lower()] for word in words.split(",")))
+
+
+class ByteReader(Thing):
+    """What reads a stream byte by byte."""
+
+    def __init__(self, stream: Stream) -> None:
+        super().__init__()
+        self.stream = stream
+
+    def do_readbytes(self, count: Value) -> bytes:
+        begin = self.stream.position
+        self.stream.position += number(count)
+        return self.stream.data[begin : self.stream.position]
 
 
 def _identity(scope: Scope) -> Thing:
     return Thing()
 
 
-def _equals(scope: Scope, left: Value, right: Value, *how: Value) -> bool:
+def _equals(scope: Scope, left: Value, right: Value, how: Value) -> bool:
+    if str(how) == "OrdinalIgnoreCase":
+        return text(left).upper() == text(right).upper()
     return bool(text(left) == text(right))
 
 
@@ -328,17 +364,18 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("diagnostics.eventlog", "writeentry"): _write_entry,
     ("regex", "replace"): _regex_replace,
     ("io.file", "getattributes"): _attributes,
-    ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),
     ("io.file", "readallbytes"): content,
+    ("wildcardpattern", "escape"): lambda scope, value: re.sub(r"([*?[\]`])", r"`\1", text(value)),
     ("io.file", "exists"): lambda scope, path: _is_file(scope.session.host, text(path)),
     ("environment", "getfolderpath"): _folder,
-    ("io.file", "writealltext"): _write_all,
     ("io.file", "replace"): _replace,
     ("io.file", "move"): _move,
     ("io.file", "delete"): _delete,
     ("io.directory", "createdirectory"): _make_folder,
     ("io.directory", "delete"): _delete_folder,
     ("io.filestream", "new"): _new_stream,
+    ("io.binaryreader", "new"): lambda scope, stream: ByteReader(stream),
+    ("text.encoding", "getencoding"): _encoding,
     ("byte[]", "new"): lambda scope, size: [0] * number(size),
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
     ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),

@@ -144,7 +144,13 @@ def _cast(node: Node) -> Expression:
         name = text_of(referred).lower().removeprefix("$")
         return lambda scope: Reference(scope, name)
     inside = expression(node.children[1])
-    return lambda scope: members.cast(to, inside(scope), scope)
+
+    def run(scope: Scope) -> Value:
+        value = inside(scope)
+        # Of a command that gave nothing it makes `$null`; a parameter or a variable of that type would be ''.
+        return None if to == "string" and value is EMPTY else members.cast(to, value, scope)
+
+    return run
 
 
 def type_of(node: Node) -> str:
@@ -236,21 +242,7 @@ def _call(node: Node) -> Expression:
         return lambda scope: dotnet.static_call(type_name, plain, [argument(scope) for argument in given], scope)
     inside = expression(owner)
 
-    def run(scope: Scope) -> Value:
-        held = inside(scope)
-        if isinstance(held, Block) and plain.lower() == "getnewclosure":
-            return closure(held, scope)
-        return members.call(held, plain, [argument(scope) for argument in given])
-
-    return run
-
-
-def closure(block: Block, scope: Scope) -> Block:
-    """The block in a module of its own, with the variables of the scope that made it: of no other module any more."""
-    above = [*scope.above()][-1]
-    alone = Scope.of_module(scope.session, above, Thing(Name="__DynamicModule"))
-    alone.variables |= scope.variables
-    return Block(block.function, alone.state)
+    return lambda scope: members.call(inside(scope), plain, [argument(scope) for argument in given])
 
 
 def _arguments(node: Node) -> list[Expression]:
@@ -370,6 +362,7 @@ def invoke(
     for parameter in function.parameters:
         if parameter.name in given:
             value = given.pop(parameter.name)
+            value = None if value is EMPTY else value  # so that text is empty, not missing
             inner.variables[parameter.name] = (
                 members.cast(parameter.type, value, scope) if parameter.type else _plain(value)
             )
@@ -379,7 +372,7 @@ def invoke(
             inner.variables[parameter.name] = members.cast(parameter.type, parameter.default(inner), scope)
         else:
             inner.variables[parameter.name] = (
-                members.cast(parameter.type, EMPTY, scope) if parameter.type in _FILLED else None
+                members.cast(parameter.type, None, scope) if parameter.type in _FILLED else None
             )
     if given:
         raise Unsupported(f"{function.name} has no parameter -{', -'.join(given)}")
@@ -432,7 +425,7 @@ def _plain(value: Value) -> Value:
 def run_block(block: Value, scope: Scope, *, this: Value = EMPTY, arguments: list[Value] | None = None) -> Value:
     """What a script block gives, called with `$_` or `$args`."""
     if not isinstance(block, Block):
-        raise Unsupported(f"{block!r} is no script block")
+        raise Unsupported(f"{block!r} is not a script block")
     own: dict[str, Value] = {}
     if this is not EMPTY:
         own["_"] = this

@@ -198,70 +198,6 @@ def drop_sessions(session: Session) -> None:
             process.alive &= not (guarded and process.parent == runner.process)
 
 
-COUNTERS = "Win32_PerfRawData_HvStats_HyperVHypervisor"
-"""How the classes of the hypervisor's counter sets begin."""
-
-
-def counters(host: WindowsHost, counter_set: str) -> list[Value]:
-    """What the hypervisor counted until now, by processor, and of all together as Windows adds it.
-
-    P2's load never sleeps, and no limit holds it back: beside P1's one busy processor it gets all that is left.
-    """
-    running = [vm for vm in host.vms.values() if vm.state == "Running"]
-    for vm in running:
-        passed = host.clock - max(vm.counted_at, vm.started_at or 0)
-        vm.counted_at = host.clock
-        busy = _busy(host, vm) if any(process.alive for process in host.processes) else 0.0
-        vm.ran += int(passed * busy * 10_000)
-        vm.dispatches += passed
-        vm.waited += int(passed * (100 - vm.reserve) * 1000)
-    root = host.clock * 100  # a hundredth of each processor
-    match counter_set:
-        case "LogicalProcessor":
-            guests = sum(vm.ran * _processors(vm) for vm in running) // host.logical_processors
-            found = [_run_times(f"Hv LP {number}", guests + root) for number in range(host.logical_processors)]
-        case "RootVirtualProcessor":
-            found = [_run_times(f"Root VP {number}", root) for number in range(host.logical_processors)]
-        case "VirtualProcessor":
-            found = [
-                _run_times(
-                    f"{vm.name}:Hv VP {number}",
-                    vm.ran,
-                    CPUWaitTimePerDispatch=vm.waited,
-                    CPUWaitTimePerDispatch_Base=vm.dispatches,
-                )
-                for vm in running
-                for number in range(_processors(vm))
-            ]
-        case _:
-            raise Unsupported(f"the counter set {counter_set}")
-    return [*found, _run_times("_Total", 0)]
-
-
-def _busy(host: WindowsHost, vm: Vm) -> float:
-    """The part of each of its processors' time that a machine uses, where programs run."""
-    if not vm.name.endswith("p2"):
-        return vm.reserve / 100
-    others = [other for other in host.vms.values() if other.state == "Running" and other is not vm]
-    rest = 0.99 * host.logical_processors - sum(_processors(other) * other.reserve / 100 for other in others)
-    return min(1.0, rest / _processors(vm))
-
-
-def _processors(vm: Vm) -> int:
-    return 1 if vm.name.endswith("p1") else vm.processors
-
-
-def _run_times(instance: str, ran: int, **waits: Value) -> Value:
-    hypervisor = ran // 20
-    return Record(
-        Name=instance,
-        PercentTotalRunTime=ran,
-        PercentGuestRunTime=ran - hypervisor,
-        PercentHypervisorRunTime=hypervisor,
-        **waits,
-    )
-
-
 class Stopwatch(Thing):
     """A clock of a guest."""
 
@@ -401,6 +337,7 @@ CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ),
     ("diagnostics.process", "start"): start_process,
     ("io.path", "combine"): lambda scope, *parts: "\\".join(map(text, parts)),
+    ("io.path", "getfilename"): lambda scope, path: text(path).rpartition("\\")[2],
     ("io.path", "gettemppath"): lambda scope: "C:\\Temp\\",
     ("io.path", "getdirectoryname"): lambda scope, path: text(path).rpartition("\\")[0],
     ("io.file", "writeallbytes"): lambda scope, path, data: scope.session.host.guest_files.__setitem__(

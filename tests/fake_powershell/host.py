@@ -36,6 +36,7 @@ class Vm:
     weight: int = 100
     threads_per_core: str = "0"
     memory: int = 512 * 2**20
+    assigned: int = 0  # what it has while it runs; 0: what it starts with
     memory_minimum: int = 512 * 2**20
     memory_maximum: int = 2**40
     dynamic_memory: bool = False
@@ -146,7 +147,8 @@ class Opened:
     here: bool  # by the script that runs
 
 
-READ, WRITE, READ_WRITE = frozenset({"read"}), frozenset({"write"}), frozenset({"read", "write"})
+READ, WRITE, DELETE = frozenset({"read"}), frozenset({"write"}), frozenset({"delete"})
+READ_WRITE = READ | WRITE
 
 
 @dataclass(slots=True)
@@ -192,6 +194,7 @@ class WindowsHost:
     clock: int = 0  # ms
     made: int = 0  # machines made so far, for their ids
     effects: list[str] = field(default_factory=list)  # what has been changed, in words
+    unflushed: set[str] = field(default_factory=set)  # files whose last write may not be on the disk
     kill_before: int | None = None  # number of the effect, from 0
     kill_after: int | None = None
     fail_at: int | None = None
@@ -206,17 +209,31 @@ class WindowsHost:
 
     def effect(self, says: str, do: Callable[[], object]) -> None:
         """Change something, unless the process is to die or the call to fail here."""
+        number = self.begin_effect(says)
+        do()
+        self.end_effect(number)
+
+    def begin_effect(self, says: str) -> int:
+        """The number of what is changed next, which `end_effect` wants to hear.
+
+        Raises:
+            Killed: the process is to die before it.
+            ScriptError: the call is to fail.
+        """
         number = len(self.effects)
         self.effects.append(says)
         if number == self.kill_before:
             raise Killed(says)
         if number == self.fail_at:
             raise ScriptError(f"{says}: the parameter is incorrect. (0x80070057)", error_id="Unspecified")
-        do()
+        return number
+
+    def end_effect(self, number: int) -> None:
+        """It is changed."""
         if self.watch:
             self.watch(self)
         if number == self.kill_after:
-            raise Killed(says)
+            raise Killed(self.effects[number])
 
     def open(self, path: str, access: frozenset[str], share: frozenset[str], *, here: bool = True) -> Opened:
         """Open a file, as long as all who have it open let it be done, and it lets them.
@@ -243,9 +260,9 @@ class WindowsHost:
     def opened_here(self) -> list[Opened]:
         return [other for other in self.opened if other.here]
 
-    def require_unopened(self, path: str) -> None:
-        """Raise where a process has the file open: none shares it for being deleted or moved."""
-        if any(other.path == path.lower() for other in self.opened):
+    def require_unheld(self, path: str) -> None:
+        """Raise where a process has the file open, and does not share it for being deleted or moved."""
+        if any(other.path == path.lower() and not other.share >= DELETE for other in self.opened):
             raise used_elsewhere(path)
 
     @property

@@ -48,33 +48,44 @@ FIVE_MINUTES = 300_000
 MOST_PROCESSORS = {1: 64, 2: 240}
 
 
-class Machine(Thing):
-    """What Get-VM gives: the machine as it was then."""
+class Live(Thing):
+    """An object of Hyper-V: its properties are what the machine is whenever they are read."""
 
-    machine_folder = "C:\\ProgramData\\Microsoft\\Windows\\Hyper-V"
+    def __init__(self, kind: str, vm: Vm, read: Callable[[Vm], dict[str, Value]]) -> None:
+        self.type_name = f"Microsoft.HyperV.PowerShell.{kind}"
+        self.vm = vm
+        self._read = read
 
-    type_name = "Microsoft.HyperV.PowerShell.VirtualMachine"
+    @property
+    def properties(self) -> dict[str, Value]:  # type: ignore[override]  # they are read, not kept
+        return self._read(self.vm)
 
-    def __init__(self, vm: Vm) -> None:
-        super().__init__(
-            Id=Guid(vm.id),
-            Name=vm.name,
-            Path=vm.folder or self.machine_folder,
-            State=Enumerated(vm.state),
-            Generation=vm.generation,
-            Version=vm.version,
-            Notes=vm.notes,
-            ProcessorCount=Long(vm.processors),
-            MemoryStartup=Long(vm.memory),
-            DynamicMemoryEnabled=vm.dynamic_memory,
-            AutomaticStartAction=Enumerated(vm.start_action),
-            AutomaticStartDelay=vm.start_delay,
-            AutomaticStopAction=Enumerated(vm.stop_action),
-            CheckpointType=Enumerated(vm.checkpoints),
-            ReplicationMode=Enumerated(vm.replication_mode),
-        )
-        if vm.clustered:
-            self.properties["IsClustered"] = vm.clustered == "True"
+
+def machine_of(host: WindowsHost, vm: Vm) -> Live:
+    """What Get-VM gives of it."""
+
+    def read(vm: Vm) -> dict[str, Value]:
+        found = {
+            "Id": Guid(vm.id),
+            "Name": vm.name,
+            "Path": vm.folder or host.machine_folder,
+            "State": Enumerated(vm.state),
+            "Generation": vm.generation,
+            "Version": vm.version,
+            "Notes": vm.notes,
+            "ProcessorCount": Long(vm.processors),
+            "MemoryStartup": Long(vm.memory),
+            "MemoryAssigned": Long((vm.assigned or vm.memory) * vm.active),
+            "DynamicMemoryEnabled": vm.dynamic_memory,
+            "AutomaticStartAction": Enumerated(vm.start_action),
+            "AutomaticStartDelay": vm.start_delay,
+            "AutomaticStopAction": Enumerated(vm.stop_action),
+            "CheckpointType": Enumerated(vm.checkpoints),
+            "ReplicationMode": Enumerated(vm.replication_mode),
+        }
+        return found | ({"IsClustered": vm.clustered == "True"} if vm.clustered else {})
+
+    return Live("VirtualMachine", vm, read)
 
 
 def settle(host: WindowsHost) -> None:
@@ -93,9 +104,9 @@ def refuse(says: str, command: str, error_id: str = "InvalidState") -> ScriptErr
 
 def _vm(caller: Caller, given: Given) -> Vm:
     machine = given.get("vm")
-    if not isinstance(machine, Machine):
+    if not isinstance(machine, Live):
         raise ScriptError("Cannot bind parameter 'VM'.", error_id="ParameterArgumentTransformationError")
-    found = caller.host.vms.get(str(machine.get("Id")))
+    found = caller.host.vms.get(machine.vm.id)
     if found is None:
         raise ScriptError("Hyper-V was unable to find the virtual machine.", error_id="ObjectNotFound")
     return found
@@ -131,7 +142,7 @@ def get_vm(caller: Caller, given: Given) -> Value:
     host = caller.host
     settle(host)
     if "id" not in given:
-        return [Machine(vm) for vm in host.vms.values()] if host.elevated else []
+        return [machine_of(host, vm) for vm in host.vms.values()] if host.elevated else []
     found = host.vms.get(str(guid(given["id"])))
     if found is None:
         raise ScriptError(
@@ -139,7 +150,7 @@ def get_vm(caller: Caller, given: Given) -> Value:
             error_id="InvalidParameter,Microsoft.HyperV.PowerShell.Commands.GetVM",
             category="InvalidArgument",
         )
-    return Machine(found)
+    return machine_of(host, found)
 
 
 def get_host(caller: Caller, given: Given) -> Thing:
@@ -155,23 +166,27 @@ def get_host(caller: Caller, given: Given) -> Thing:
 
 
 def get_processor(vm: Vm) -> Thing:
-    found = Record(
-        VMId=Guid(vm.id),
-        VMName=vm.name,
-        Count=Long(vm.processors),
-        Reserve=Long(vm.reserve),
-        Maximum=Long(vm.limit),
-        RelativeWeight=vm.weight,
-    )
-    if vm.threads_per_core:
-        found.properties["HwThreadCountPerCore"] = Long(int(vm.threads_per_core))
-    return found
+    def read(vm: Vm) -> dict[str, Value]:
+        found = {
+            "VMId": Guid(vm.id),
+            "VMName": vm.name,
+            "Count": Long(vm.processors),
+            "Reserve": Long(vm.reserve),
+            "Maximum": Long(vm.limit),
+            "RelativeWeight": vm.weight,
+        }
+        return found | ({"HwThreadCountPerCore": Long(int(vm.threads_per_core))} if vm.threads_per_core else {})
+
+    return Live("VMProcessor", vm, read)
 
 
 def get_memory(vm: Vm) -> Thing:
-    sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
-    dynamic = vm.dynamic_memory
-    return Record(VMId=Guid(vm.id), DynamicMemoryEnabled=dynamic, **{name: Long(size) for name, size in sizes.items()})
+    def read(vm: Vm) -> dict[str, Value]:
+        sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
+        found = {name: Long(size) for name, size in sizes.items()}
+        return {"VMId": Guid(vm.id), "DynamicMemoryEnabled": vm.dynamic_memory, **found}
+
+    return Live("VMMemory", vm, read)
 
 
 def new_vm(caller: Caller, given: Given) -> Value:
@@ -195,7 +210,7 @@ def new_vm(caller: Caller, given: Given) -> Value:
         host.vms[new].dynamic_memory = True  # as on a client; a server's is static: a script may rely on neither
 
     host.effect(f"New-VM {name}", make)
-    return Machine(list(host.vms.values())[-1])
+    return machine_of(host, list(host.vms.values())[-1])
 
 
 def _memory_of(value: Value, command: str) -> int:
@@ -326,6 +341,7 @@ class StopJob(Thing):
     """What Stop-VM -AsJob gives."""
 
     type_name = "Microsoft.HyperV.PowerShell.VMJob"
+    problem = "The guest refused to shut down. (0x80070015)"
 
     def __init__(self, caller: Caller, *, failed: bool) -> None:
         super().__init__(State=Enumerated("Failed" if failed else "Running"))
@@ -340,7 +356,7 @@ def remove_job(caller: Caller, given: Given) -> Value:
 def receive_job(_: Caller, given: Given) -> Value:
     if text(given["job"].get("State")) == "Running":
         return EMPTY
-    raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
+    raise ScriptError(StopJob.problem, error_id="OperationFailed")
 
 
 def get_services(caller: Caller, given: Given) -> Value:
@@ -365,10 +381,16 @@ def remove_vm(caller: Caller, given: Given) -> Value:
 
 def get_firmware(vm: Vm) -> Thing:
     if vm.generation == 1:
-        raise refuse(f"'{vm.name}' is of generation 1, which has no firmware.", "GetVMFirmware", "InvalidParameter")
-    order = [Record(BootType=Enumerated(entry)) for entry in ("File", vm.boots_from)[not vm.wrote_entry :]]
-    known = {"SecureBoot": Enumerated(vm.secure_boot), "SecureBootTemplate": vm.template, "BootOrder": order}
-    return Record(VMId=Guid(vm.id), **known)
+        raise refuse(
+            f"'{vm.name}' has generation 1, which does not have firmware.", "GetVMFirmware", "InvalidParameter"
+        )
+
+    def read(vm: Vm) -> dict[str, Value]:
+        order = [Record(BootType=Enumerated(entry)) for entry in ("File", vm.boots_from)[not vm.wrote_entry :]]
+        known = {"SecureBoot": Enumerated(vm.secure_boot), "SecureBootTemplate": vm.template, "BootOrder": order}
+        return {"VMId": Guid(vm.id), **known}
+
+    return Live("VMFirmware", vm, read)
 
 
 def set_firmware(caller: Caller, given: Given) -> Value:
@@ -419,7 +441,7 @@ def new_vhd(caller: Caller, given: Given) -> Value:
     _changing(caller)
     host, path, parent = caller.host, text(given["path"]), text(given["parentpath"])
     if host.file(parent) is None or not path.lower().endswith(".vhdx"):
-        raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
+        raise refuse(f"Failed to create the virtual hard disk: '{parent}' does not exist.", "NewVHD", "ObjectNotFound")
     if host.file(path) is not None:
         raise refuse(f"Failed to create the virtual hard disk: '{path}' exists.", "NewVHD", "OperationFailed")
     folder = path.rpartition("\\")[0]
@@ -442,7 +464,7 @@ def get_vhd(caller: Caller, given: Given) -> Value:
         raise AssertionError(f"Get-VHD reads {path} as a pattern")
     file = caller.host.file(path)
     if not path or file is None or file.data is None:
-        raise refuse(f"Getting the virtual disk failed: '{path}' is not there.", "GetVHD", "ObjectNotFound")
+        raise refuse(f"Getting the virtual disk failed: '{path}' does not exist.", "GetVHD", "ObjectNotFound")
     child = file.data.startswith(CHILD)
     parent = file.data.removeprefix(CHILD).decode() if child else None
     return Record(Path=file.path, VhdType=Enumerated("Differencing" if child else "Dynamic"), ParentPath=parent)
@@ -450,14 +472,19 @@ def get_vhd(caller: Caller, given: Given) -> Value:
 
 def get_drives(caller: Caller, given: Given) -> Value:
     if "vmsnapshot" in given:
-        return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
-    return _each(lambda vm: [Record(VMId=Guid(vm.id), Path=disk) for disk in vm.disks])(caller, given)
+        snapshot = given["vmsnapshot"]
+        return [_drive(snapshot.vm, path) for path in snapshot.vm.checkpoint_disks]
+    return _each(lambda vm: [_drive(vm, disk) for disk in vm.disks])(caller, given)
+
+
+def _drive(vm: Vm, path: str) -> Live:
+    return Live("HardDiskDrive", vm, lambda vm: {"VMId": Guid(vm.id), "Path": path})
 
 
 def get_snapshots(vm: Vm) -> Value:
-    known = Guid(vm.id)
     return [
-        Record(VMId=known, Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)
+        Live("VMSnapshot", vm, lambda vm, name=str(number): {"VMId": Guid(vm.id), "Name": name})  # type: ignore[misc]  # its own name
+        for number in range(vm.checkpoint_count)
     ]
 
 
@@ -465,7 +492,7 @@ def add_disk(caller: Caller, given: Given) -> Value:
     _changing(caller)
     vm, host, path = _vm(caller, given), caller.host, text(given["path"])
     if host.file(path) is None:
-        raise refuse(f"'{path}' is not there.", "AddVMHardDiskDrive", "ObjectNotFound")
+        raise refuse(f"'{path}' does not exist.", "AddVMHardDiskDrive", "ObjectNotFound")
     _set(caller, vm, "Add-VMHardDiskDrive", {"disks": [*vm.disks, path]})
     return EMPTY
 
@@ -524,3 +551,18 @@ CMDLETS: dict[str, Callable[[Caller, Given], Value]] = {
     "add-vmharddiskdrive": add_disk,
     "remove-vmnetworkadapter": remove_adapter,
 }
+
+
+def refused(host: WindowsHost, what: str) -> None:
+    """Raise what the host has been told to answer this command with."""
+    if found := host.refusals.get(what):
+        error_id, category, says = found
+        raise ScriptError(says, error_id=error_id, category=category)
+
+
+def require_answer(host: WindowsHost, name: str, given: Given) -> None:
+    """Raise where the host does not answer this cmdlet, or not for one of its machines."""
+    refused(host, name)
+    for machine in elements(given.get("vm", EMPTY)):
+        if isinstance(machine, Thing):
+            refused(host, f"{name} {machine.get('Name')}")

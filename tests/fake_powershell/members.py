@@ -125,8 +125,6 @@ _TEXT: dict[str, Callable[..., Value]] = {
     "toupperinvariant": str.upper,
     "substring": lambda of, begin, length=None: _substring(of, begin, length),
     "contains": lambda of, part: text(part) in of,
-    "startswith": lambda of, part: of.startswith(text(part)),
-    "endswith": lambda of, part: of.endswith(text(part)),
     "trim": str.strip,
     "trimend": lambda of, characters: of.rstrip(text(characters)),
     "replace": lambda of, old, new: of.replace(text(old), text(new)),

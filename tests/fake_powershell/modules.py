@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from fnmatch import fnmatch
 
 from tests.fake_powershell.compiling import compiled
 from tests.fake_powershell.dotnet import content
@@ -52,15 +54,21 @@ def global_of(scope: Scope) -> Scope:
 
 def import_module(scope: Scope, given: Given) -> Value:
     """`Import-Module -Name PATH`: of a `.psd1` with its `.psm1` beside it, or of a `.psm1`."""
-    path = text(given["name"])
-    session = scope.session
-    module = None if given.get("force") else session.modules.get(path.lower())
-    if not isinstance(module, Module):
-        module = _loaded(scope, path)
-        session.modules[path.lower()] = module
+    path = _without_escapes(text(given["name"]))
+    module = _loaded(scope, path)
+    wanted = text(given.get("function", "*")).lower()
     for name, function in module.get("ExportedFunctions").items():
+        if not fnmatch(text(name).lower(), wanted):
+            continue
         global_of(scope).functions[text(name).lower()] = function
     return module if given.get("passthru") else EMPTY
+
+
+def _without_escapes(pattern: str) -> str:
+    """The one path that the pattern stands for: `-Name` takes patterns."""
+    if re.search(r"(?<!`)[*?[\]]", pattern):
+        raise ScriptError(f"The specified module '{pattern}' was not loaded.", error_id="Modules_ModuleNotFound")
+    return re.sub("`(.)", r"\1", pattern)
 
 
 def _loaded(scope: Scope, path: str) -> Module:
@@ -157,7 +165,7 @@ def get_alias(scope: Scope, given: Given) -> Value:
     if missing and text(given.get("erroraction", "Stop")) != "Ignore":
         raise ScriptError(f"This command cannot find a matching alias because {missing[0]} has none.")
     return [
-        Record(Name=text(name), Definition=aliases[text(name).lower()])
+        Record(Name=text(name).lower(), Definition=aliases[text(name).lower()])
         for name in names
         if text(name).lower() in aliases
     ]

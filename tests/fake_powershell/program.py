@@ -259,7 +259,7 @@ def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
     more = True
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
-            line = os.read(0, 99).decode("ascii")
+            line = os.read(0, 4096).decode("ascii")
             if line == NO_MORE.decode("ascii"):
                 more = False
                 continue

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +12,11 @@ from tests.fake_powershell.commands import defaults_of
 from tests.fake_powershell.compiling import compiled
 from tests.fake_powershell.guests import drop_sessions
 from tests.fake_powershell.host import Interrupted, Killed, WindowsHost
-from tests.fake_powershell.scopes import Cmdlet, Exit, Function, Scope, Session
+from tests.fake_powershell.scopes import HERE, Cmdlet, Exit, Function, Scope, Session
 from tests.fake_powershell.signing import why_unsigned
 from tests.fake_powershell.values import Enumerated, Record, ScriptError, Table, Value, text
 
-FOLDER = "C:\\run"
+FOLDER = HERE
 """Where scripts lie on the fake."""
 
 BETWEEN_RUNS_MS = 10_000
@@ -45,6 +46,22 @@ class Ran:
         return "\n".join((f"exit {self.code}", *self.lines, *self.talk))
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A run of the stand-in with the host before and after it."""
+
+    before: WindowsHost
+    after: WindowsHost
+    name: str
+    how: Mapping[str, Any]
+    ran: Ran
+    output: Sequence[Value]
+
+
+beside: Callable[[Look], None] | None = None
+"""Who looks at every run: another engine does the same and compares."""
+
+
 def put(host: WindowsHost, scripts: Mapping[str, bytes]) -> None:
     """Lay the scripts where they can be run from."""
     for name, data in scripts.items():
@@ -71,7 +88,12 @@ def run(
     answers: str = "",
     output: list[Value] | None = None,
 ) -> Ran:
-    """Runs the script of this name that lies on the host, as an elevated operator would; its lines go to `output`."""
+    """Runs the script of this name that lies on the host, as an elevated operator would; its lines go to `output`.
+
+    A run that is looked at (see `beside`) is heard of with its options, after it ended.
+    """
+    how = {option: value for option, value in locals().items() if option not in ("host", "name", "output")}
+    before = copy.deepcopy(host) if beside else None
     file = host.file(f"{FOLDER}\\{name}")
     assert file is not None
     assert file.data is not None
@@ -99,7 +121,10 @@ def run(
         host.close_all()
     assert not host.opened_here, "a process that ends closes its files"
     assert code is None or not session.jobs, "jobs are removed"
-    return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk), prompts=session.prompts)
+    ran = Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk), prompts=session.prompts)
+    if beside and before is not None:
+        beside(Look(before=before, after=host, name=name, how=how, ran=ran, output=session.output))
+    return ran
 
 
 def walk(session: Session, script: Function, given: Mapping[str, bool | int], *, at_prompt: bool = False) -> int:
@@ -177,7 +202,7 @@ def observe(host: WindowsHost, script: bytes) -> dict[str, Any]:
     looked = host.copy()
     put(looked, {"observe.ps1": script})
     looked.effects = []
-    ran = run(looked, "observe.ps1")
+    ran = run(looked, "observe.ps1", as_json=False)
     assert ran.code == 0, ran.says
     assert not looked.effects, "looking changes nothing"
     (line,) = ran.lines

@@ -110,7 +110,6 @@ class Session:
     runner: Runner | None = None  # where the script runs inside a guest
     runners: list[Runner] = field(default_factory=list)  # what it started inside guests
     jobs: list[Value] = field(default_factory=list)  # that were started, and not removed
-    modules: dict[str, Thing] = field(default_factory=dict)  # that were imported, by path
     state: SessionState | None = None  # where it runs just now: of the session, or of a module
     output: list[Value] = field(default_factory=list)  # the end of the pipeline: lines on standard output
     talk: list[str] = field(default_factory=list)  # lines of the information stream
@@ -215,6 +214,7 @@ class Scope:
 
 
 _MISSING = object()
+HERE = "C:\\run"
 
 
 class Reference(Thing):
@@ -255,6 +255,10 @@ class Cmdlet(Thing):
         self.what_if = what_if
         self.preference = {None: "", True: "Low", False: "None"}[confirm]
         self.for_all = ""  # A or L, once it was answered
+
+    def do_getunresolvedproviderpathfrompspath(self, path: str) -> str:
+        """The whole path: a script's person stands where the scripts lie."""
+        return path if path[1:2] == ":" else f"{HERE}\\{path.removeprefix('.' + chr(92))}"
 
     def do_shouldprocess(self, target: str, action: str) -> bool:
         if not action:

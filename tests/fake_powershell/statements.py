@@ -28,6 +28,8 @@ from tests.powershell_lint.tree import text_of
 if TYPE_CHECKING:
     from tree_sitter import Node
 
+COR_E_IO = -2146232800
+"""The number of an error of .NET that says no more than that reading or writing failed."""
 _SILENT = {"comment", ";", "empty_statement", "{", "}"}
 
 
@@ -250,7 +252,7 @@ def _while(node: Node) -> Body:
 
 def _try(node: Node) -> Body:
     body = block_of(node.children[1])
-    catches: list[tuple[str, Body]] = []
+    catches: list[tuple[set[str], Body]] = []
     last: Body | None = None
     for part in node.children[2:]:
         if part.type == "catch_clauses":
@@ -262,8 +264,9 @@ def _try(node: Node) -> Body:
         try:
             body(scope, out)
         except ScriptError as error:
-            for kind, handler in catches:
-                if kind in ("", error.kind.lower()):
+            kinds = {error.kind.lower(), *_ABOVE.get(error.kind.lower(), ())}
+            for caught, handler in catches:
+                if not caught or caught & kinds:
                     scope.write("_", error_record(error))
                     handler(scope, out)
                     return
@@ -282,15 +285,27 @@ def _try(node: Node) -> Body:
     return run
 
 
-def _catch(node: Node) -> tuple[str, Body]:
-    types = [child for child in node.children if child.type == "catch_type_list"]
-    return type_of(types[0].children[0]) if types else "", block_of(node.children[-1])
+_ABOVE = {"system.io.filenotfoundexception": ("system.io.ioexception",)}
+"""Of the types of exceptions those that they are, too."""
+
+
+def _catch(node: Node) -> tuple[set[str], Body]:
+    types = [part for child in node.children if child.type == "catch_type_list" for part in child.children]
+    return {type_of(part) for part in types if part.type == "type_literal"}, block_of(node.children[-1])
+
+
+class ErrorRecord(Thing):
+    """`$_` in a catch, which `throw` alone raises again."""
+
+    def __init__(self, error: ScriptError, **properties: Value) -> None:
+        super().__init__(**properties)
+        self.error = error
 
 
 def error_record(error: ScriptError) -> Thing:
-    """`$_` in a catch."""
-    return Thing(
-        Exception=Record(Message=error.says),
+    return ErrorRecord(
+        error,
+        Exception=Record(Message=error.says, HResult=COR_E_IO),
         FullyQualifiedErrorId=error.error_id,
         CategoryInfo=Record(Category=error.category),
         InvocationInfo=Record(MyCommand=error.command, ScriptLineNumber=error.line),
@@ -306,7 +321,7 @@ def _flow(node: Node) -> Body:
         case "continue":
             return _continue
         case "throw":
-            return lambda scope, out: _throw(value(scope) if value else "ScriptHalted")
+            return lambda scope, out: _throw(value(scope)) if value else _raise_again(scope)
         case "exit":
             return lambda scope, out: _exit(value(scope) if value else 0)
         case _:
@@ -330,6 +345,12 @@ def _continue(scope: Scope, out: list[Value]) -> None:
 
 def _throw(value: Value) -> None:
     raise ScriptError(text(value), error_id=text(value))
+
+
+def _raise_again(scope: Scope) -> None:
+    record = scope.read("_")
+    assert isinstance(record, ErrorRecord), "`throw` alone stands in a catch"
+    raise record.error
 
 
 def _exit(value: Value) -> None:

@@ -119,7 +119,7 @@ SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _anothe
 
 
 @pytest.mark.parametrize("move", SEEN, ids=lambda move: move.__name__.strip("_"))
-def test_next_plan_leaves_such_disk_and_says_so(move: Callable[[WindowsHost], None]) -> None:
+def test_next_plan_leaves_moved_disk(move: Callable[[WindowsHost], None]) -> None:
     prepared = removal()
     host = prepared.copy()
     path = disk_of(host)

@@ -11,6 +11,7 @@ from tests.fake_powershell.values import Unsupported
 def told(*statements: str, what_if: bool = False) -> list[str]:
     """The lines that a script of these statements writes with `Out`, then its exit code."""
     head = "param([switch] $AsJson, [switch] $Abandon)\nSet-StrictMode -Version 3.0\n"
+    head += "$ErrorActionPreference = 'Stop'\n"
     head += "function Out {\nparam($V)\n'{0}' -f [string] $V\n}\n"
     script = head + "\n".join(statements)
     host = WindowsHost()

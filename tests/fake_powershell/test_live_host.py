@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.wiring import read_script_output
-from rarms_iac.applying.run_script import apply_job, finish_job, undo_job
+from rarms_iac.applying.run_script import finish_job, undo_job
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import Rights
 from rarms_iac.powershell.render import render_observe
@@ -21,7 +21,7 @@ from rarms_iac.storage.plan_file import is_signed_script
 from rarms_iac.storage.plan_file import signed as sign_plan
 from tests.builders import a_host, codes
 from tests.effort import every_few
-from tests.fake_powershell.cell import apply_script, files_of
+from tests.fake_powershell.cell import apply_script, files_of, job_of
 from tests.fake_powershell.cells import everything, fresh
 from tests.fake_powershell.host import Entry, WindowsHost
 from tests.fake_powershell.observing import JOURNAL, PROFILE, RECORDS, WINDOWS, document_of
@@ -116,7 +116,7 @@ def test_signed_copy_is_what_runs(tmp_path: Path) -> None:
     prepared = fresh()
     host = prepared.copy(all_signed=True)
     (part,) = prepared.plan.hosts
-    apply_it, undo_it = apply_job(prepared.plan.id, part).script, f"{part.host.name}.undo.ps1"
+    apply_it, undo_it = job_of(prepared.plan).script, f"{part.host.name}.undo.ps1"
     there = live(host, signatures=tmp_path)
     with pytest.raises(HostFailed, match="not digitally signed"):
         there.observe()
@@ -141,7 +141,7 @@ def test_signed_copy_is_what_runs(tmp_path: Path) -> None:
 
 def test_killed_signed_run_is_finished_from_journal(tmp_path: Path) -> None:
     prepared = everything()
-    own = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
+    own = job_of(prepared.plan).script
     (tmp_path / "Rarms").mkdir()
     for name, text in {"observe.ps1": render_observe(), **files_of(prepared.plan)}.items():
         (tmp_path / name).write_bytes(signed(text))
@@ -167,7 +167,7 @@ def test_killed_signed_run_is_finished_from_journal(tmp_path: Path) -> None:
 def test_signed_file_with_other_text_does_not_run(tmp_path: Path, changed: str) -> None:
     prepared = fresh()
     host = prepared.copy()
-    script = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
+    script = job_of(prepared.plan).script
     text = script.files[script.runs].encode("ascii")
     copy = {
         "another text": signed(text.replace(b"& $invoke", b"&  $invoke")),
@@ -187,7 +187,7 @@ def test_run_of_keyed_plan_is_known_by_journal(tmp_path: Path) -> None:
     prepared = fresh()
     plan = sign_plan(prepared.plan, KEY)
     host = prepared.copy(kill_after=20)
-    assert isinstance(live(host).run_script(apply_job(plan.id, plan.hosts[0]).script, NO_WAITING, Heard()), ScriptLost)
+    assert isinstance(live(host).run_script(job_of(plan).script, NO_WAITING, Heard()), ScriptLost)
     host = host.copy()
 
     run = live(host).journal()
@@ -208,7 +208,7 @@ def test_run_of_keyed_plan_is_known_by_journal(tmp_path: Path) -> None:
 DENIED = ("PermissionDenied", "PermissionDenied", "Requested registry access is not allowed.")
 BROKEN = ("System.IO.IOException", "NotSpecified", "The disk has a bad sector.")
 TASKS, OURS = f"Get-ChildItem {PROFILE}\\Tasks", f"Get-ChildItem {RECORDS}"
-READING_JOURNAL = "Get-Content"
+READING_JOURNAL = f"open {JOURNAL}"
 
 
 @pytest.mark.parametrize("error", [DENIED, BROKEN], ids=["denied", "broken"])
@@ -269,7 +269,7 @@ def test_unreachable_or_garbled_host_is_told(ask: Callable[[LiveHypervHost], obj
         ask(live(everything().copy(), after='{"format": "other"}'))
 
 
-def test_it_keeps_the_contracts_of_its_kinds() -> None:
+def test_live_host_keeps_its_contracts() -> None:
     host = live(fresh().copy())
 
     assert isinstance(host, RecordableHost)

@@ -71,7 +71,7 @@ def strangers_of(host: WindowsHost) -> list[Vm]:
 
 
 def possible(cell: Cell) -> Plan:
-    """The plan; what cannot be planned is no case of a law about running."""
+    """The plan; what cannot be planned is not a case of a law about running."""
     plan = cell.prepare().plan
     assume(plan is not None)
     assert plan is not None

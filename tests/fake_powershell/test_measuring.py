@@ -13,11 +13,13 @@ from rarms_iac.cli.main import main
 from rarms_iac.measuring import measure
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.model.setting import LOAD_PARTITIONS
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.providers.hyperv import provider
 from rarms_iac.providers.hyperv.guest_samples import read_seen
 from rarms_iac.providers.machines import read_mark
-from tests.fake_powershell import guests
+from rarms_iac.storage.datalog.files import read_log
+from tests.fake_powershell import windows
 from tests.fake_powershell.host import Program, WindowsHost
 from tests.fake_powershell.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
 from tests.fake_powershell.run import put
@@ -57,6 +59,30 @@ def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) ->
     assert 20 < result.conclusion.reserve <= 25  # 20 ms of work in 100 ms
     assert leftovers(host) == []
     assert host.lock == ""
+
+
+@pytest.mark.parametrize(("memory", "parts"), [("8 GiB", 2), ("2 GiB", 1)])
+def test_second_part_of_load_needs_memory(measured: Measured, memory: str, parts: int) -> None:
+    host = a_measurable_windows()
+    reserves: dict[str, set[int]] = {}
+
+    def look(changed: WindowsHost) -> None:
+        for vm in changed.vms.values():
+            reserves.setdefault(vm.name, set()).add(vm.reserve)
+
+    host.watch = look
+    (result,) = measured(host, MANIFEST.replace("8 GiB", memory).replace("1 GiB", "1536 MiB")).experiments
+
+    assert isinstance(result.conclusion, Sufficient)
+    names = [name for name in reserves if name in LOAD_PARTITIONS]
+    assert names == [*LOAD_PARTITIONS[:parts]]
+    file = read_log(Path(result.log))
+    assert file is not None
+    totals = {record.setting.beside for _, record in file.recorded}
+    assert reserves[names[-1]] - {0} == {total // parts for total in totals}
+    (header,) = file.headers.values()
+    assert header.identity.parts.get("parts of P2", "1") == str(parts)
+    assert leftovers(host) == []
 
 
 def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> None:
@@ -190,7 +216,7 @@ def test_waiting_script_may_be_silent_as_long(measured: Measured, monkeypatch: p
 
 
 def test_slow_counters_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
-    counters, next_line = guests.counters, FakeConversation.next_line
+    counters, next_line = windows.counters, FakeConversation.next_line
     behind: list[int] = []
 
     def slowly(host: WindowsHost, counter_set: str) -> list[Value]:
@@ -204,7 +230,7 @@ def test_slow_counters_do_not_pile_up(measured: Measured, monkeypatch: pytest.Mo
             behind.append(seen.at_ms - int(seen.seen.split(" ")[1]))
         return line
 
-    monkeypatch.setattr(guests, "counters", slowly)
+    monkeypatch.setattr(windows, "counters", slowly)
     monkeypatch.setattr(FakeConversation, "next_line", heard)
     measured(a_measurable_windows(), reserves=(40,))
 
@@ -273,12 +299,24 @@ def test_guard_in_guest_ends_what_dead_session_started(measured: Measured) -> No
     [
         (lambda host: setattr(host, "guest_secret", "changed"), "The credential is invalid."),
         (lambda host: host.files.pop(CREDENTIAL.lower()), "there is no credential"),
+        (
+            lambda host: setattr(host.file(CREDENTIAL), "data", b"robot\r\nother\r\n"),
+            "Write it again here, as operator",
+        ),
         (lambda host: setattr(host.file(CREDENTIAL), "owner", "S-1-5-21-1"), "not to Administrators or SYSTEM"),
         (lambda host: host.programs.pop("vision.exe"), "The system cannot find the file specified."),
         (lambda host: setattr(host, "scheduler", 4), "root scheduler"),
         (lambda host: setattr(host, "lock", "held"), "it is held by"),
     ],
-    ids=["wrong password", "no credential", "planted credential", "no program", "root scheduler", "held"],
+    ids=[
+        "wrong password",
+        "no credential",
+        "another's credential",
+        "planted credential",
+        "no program",
+        "root scheduler",
+        "held",
+    ],
 )
 def test_what_windows_refuses_is_told_and_nothing_stays(
     measured: Measured, spoil: Callable[[WindowsHost], object], words: str
@@ -331,8 +369,10 @@ def test_what_was_measured_is_applied_and_proven(
     routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"])
     assert [main(words) for words in routes] == [0, 0, 0], capsys.readouterr()
 
-    assert "94 ms  busy-loop  met" in capsys.readouterr().out  # 20 ms of work on 21 % of a processor
-    assert [(vm.name, vm.reserve) for vm in host.vms.values()] == [("vision", 21)]
+    assert "ms  busy-loop  met" in capsys.readouterr().out
+    ((name, reserve),) = [(vm.name, vm.reserve) for vm in host.vms.values()]
+    assert name == "vision"
+    assert 20 < reserve <= 23  # 20 ms of work, on average within 100 ms
     assert not any(process.alive for process in host.processes)
 
 
@@ -431,10 +471,19 @@ def test_next_command_starts_what_killed_measurement_stopped(
     assert machines(applied) == RUNNING
 
 
-@pytest.mark.parametrize("last", ["Stop-VM speech", "Set-VM speech", "Stop-VM vision", "Start-VM speech"])
+@pytest.mark.parametrize(
+    ("last", "key"),
+    [
+        *(("Stop-VM speech", ""), ("Set-VM speech", ""), ("Stop-VM vision", ""), ("Start-VM speech", "")),
+        ("Stop-VM speech", "0123456789abcdef"),  # a run that is not signed with it would not be finished
+    ],
+)
 def test_apply_repairs_killed_stop_or_start(
-    applied: WindowsHost, last: str, capsys: pytest.CaptureFixture[str]
+    applied: WindowsHost, last: str, key: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    if key:
+        monkeypatch.setenv("RARMS_PLAN_KEY", key)
+
     def kill_next(host: WindowsHost) -> None:
         if host.effects[-1].startswith(last):
             host.kill_before = len(host.effects)
@@ -452,11 +501,35 @@ def test_apply_repairs_killed_stop_or_start(
     assert machines(applied) == RUNNING
 
 
-def test_machine_of_cluster_is_not_stopped_to_measure(applied: WindowsHost, capsys: pytest.CaptureFixture[str]) -> None:
-    next(vm for vm in applied.vms.values() if vm.name == "vision").clustered = "True"
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("clustered", "True", "belongs to a failover cluster"),
+        ("notes", " robot=r2", 'has the mark of the robot "r2"'),
+    ],
+)
+def test_stop_to_measure_refuses_what_plans_refuse(
+    applied: WindowsHost, field: str, value: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vision = next(vm for vm in applied.vms.values() if vm.name == "vision")
+    setattr(vision, field, value if field == "clustered" else vision.notes + value)
 
     assert main([*SWEEP, "--stop-partitions"]) == 4
 
-    assert "belongs to a failover cluster" in " ".join(capsys.readouterr().err.split())
+    assert words in " ".join(capsys.readouterr().err.split())
     assert done_to_partitions(applied) == []
-    assert machines(applied) == RUNNING
+    assert {name: state for name, (state, _) in machines(applied).items()} == {"speech": "Running", "vision": "Running"}
+
+
+@pytest.mark.parametrize("spoil", [None, b"robot\r\nother\r\n"], ids=["missing", "another's"])
+def test_credential_is_read_before_anything_is_made(measured: Measured, spoil: bytes | None) -> None:
+    host = a_measurable_windows()
+    if spoil is None:
+        del host.files[CREDENTIAL.lower()]
+    else:
+        host.write_file(CREDENTIAL, spoil)
+
+    with pytest.raises(UseCaseError):
+        measured(host, reserves=(40,))
+
+    assert [effect for effect in host.effects if "VM" in effect] == []

@@ -91,7 +91,10 @@ def test_module_folder_script_observes_the_computer(host: WindowsHost, data: byt
         ({}, "observe.ps1 is missing: put it there as rarms wrote it"),
         ({"Rarms/observe.ps1": render_observe() + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
         ({"Rarms/observe.ps1": signed(render_observe()) + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
-        ({"Rarms/observe.ps1": render_observe().replace(b"\r\n", b"\n")}, "observe.ps1 was edited"),
+        (
+            {"Rarms/observe.ps1": render_observe().replace(b"\r\n", b"\n")},
+            'observe.ps1 has other line ends than it was made with: git needs "*.ps* -text"',
+        ),
     ],
     ids=["missing", "a line more", "a line behind the block", "line ends"],
 )
@@ -163,7 +166,7 @@ def test_undo_is_previewed_or_nothing_to_undo(prepared: Prepared, host: WindowsH
     assert "there is nothing to undo" in at_prompt(host, "Undo-RarmsRun").says
 
 
-def test_unfinished_run_is_among_them_without_closing(prepared: Prepared) -> None:
+def test_get_rarmsrun_lists_unfinished_run_without_closing(prepared: Prepared) -> None:
     runs: list[Value] = []
 
     assert at_prompt(prepared.after_a_run(kill_after=20), "Get-RarmsRun", runs).code == 0
@@ -196,6 +199,8 @@ def test_closing_a_run_is_asked_for(prepared: Prepared) -> None:
 def test_asked_run_stops_and_can_go_on(prepared: Prepared, host: WindowsHost) -> None:
     script = apply_script(prepared.plan)
 
+    previewed = at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\{script}' -WhatIf")
+    assert (previewed.code, host.effects) == (0, []), previewed.says
     assert at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\{script}'").code == 0
     stopped = run(host, script)
     again = run(host, script)
@@ -203,7 +208,7 @@ def test_asked_run_stops_and_can_go_on(prepared: Prepared, host: WindowsHost) ->
     assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
     assert (again.code, again.events[-1]["status"]) == (0, "done"), again.says
     said = at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
-    assert f"there is no script {FOLDER}\\none.ps1: give the path of the one that runs" in said
+    assert f"there is no script {FOLDER}\\none.ps1: give the path of a plan's script" in said
 
 
 def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
@@ -213,3 +218,40 @@ def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
     ran = at_prompt(host, "Close-RarmsRun -Force")
 
     assert (ran.code, "it is held by" in ran.says) == (1, True), ran.says
+
+
+def test_script_is_found_from_where_a_person_stands(prepared: Prepared, host: WindowsHost) -> None:
+    script = apply_script(prepared.plan)
+
+    assert at_prompt(host, f"Stop-RarmsRun -Path '.\\{script}'").code == 0
+    stopped = run(host, script)
+    tested: list[Value] = []
+
+    assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
+    assert at_prompt(host, f"Test-RarmsPlan -Path '{script}'", tested).code == 0
+    assert tested
+
+
+def test_previewed_undo_holds_nothing(prepared: Prepared, host: WindowsHost) -> None:
+    none = at_prompt(host, "Undo-RarmsRun -WhatIf")
+    assert ("there is nothing to undo" in none.says, host.effects) == (True, []), none.says
+    assert apply(host, prepared.plan).code == 0
+    host.lock = "held"
+
+    ran = at_prompt(host, "Undo-RarmsRun -AsJson -WhatIf")
+
+    assert (ran.code, {event["status"] for event in ran.events}) == (0, {"previewed"}), ran.says
+
+
+def test_closed_run_is_in_the_event_log(prepared: Prepared) -> None:
+    host = prepared.after_a_run(kill_after=20)
+    host.event_log = []
+
+    assert at_prompt(host, "Close-RarmsRun -Force").code == 0
+
+    entries = [(number, json.loads(says)) for _, number, says in host.event_log]
+    assert [(number, entry["status"], entry["plan"]) for number, entry in entries][-1] == (
+        2,
+        "abandoned",
+        prepared.plan.id,
+    )

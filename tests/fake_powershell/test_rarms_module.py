@@ -34,7 +34,7 @@ def test_callers_alias_is_named_first(name: str, single: bool) -> None:
     ran = apply(host, plan)
 
     assert (ran.code, host.effects) == (1, []), ran.says
-    assert f"an alias hides a function of rarms, remove it: {name}" in ran.says
+    assert f"an alias hides a function of rarms, remove it: {name.lower()}" in ran.says
 
 
 def without(name: str) -> Callable[[Mapping[str, bytes]], Mapping[str, bytes]]:
@@ -213,3 +213,23 @@ def test_script_without_its_folder_says_where_it_belongs() -> None:
 
     assert (ran.code, "Rarms\\Rarms.psd1" in ran.says) == (1, True), ran.says
     assert run(host, apply_script(prepared.plan)).code == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (without(MODULE), "Rarms.psm1 is missing: copy the folder Rarms beside this script"),
+        (
+            changed(MODULE, lambda data: data.replace(b"\r\n", b"\n")),
+            "Rarms.psm1 has other line ends than it was made with",
+        ),
+        (changed(MODULE, lambda data: data + b"#"), "Rarms.psm1 is not that of rarms"),
+    ],
+    ids=["missing", "line ends", "edited"],
+)
+def test_why_module_is_refused_is_said(change: Callable[[Mapping[str, bytes]], Mapping[str, bytes]], says: str) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, change(files_of(prepared.plan)))
+
+    assert says in run(host, apply_script(prepared.plan)).says

@@ -9,7 +9,6 @@ import pytest
 
 from rarms_iac.model.plan import Purpose
 from rarms_iac.powershell.render import render_observe
-from rarms_iac.powershell.templates import template_text
 from tests.fake_powershell.cell import apply, apply_script, files_of, scripts_of, undo, undo_script
 from tests.fake_powershell.cells import Prepared, everything, fresh
 from tests.fake_powershell.host import Entry, WindowsHost
@@ -27,9 +26,10 @@ def asked(prepared: Prepared, host: WindowsHost, *declined: str) -> Ran:
 
 
 def actions(prepared: Prepared, address: str) -> list[str]:
-    """What the run says of an address, step by step."""
+    """What the run says of an address and of what lies in it, step by step."""
     ran = apply(prepared.copy(), prepared.plan)
-    return [event["detail"] for event in ran.events if event["address"] == address and event["status"] == "begun"]
+    begun = [event for event in ran.events if event["status"] == "begun"]
+    return [event["detail"] for event in begun if f"{event['address']}/".startswith(f"{address}/")]
 
 
 @pytest.mark.parametrize(("cell", "name"), [(fresh, "planning"), (everything, "speech")], ids=["creation", "stop"])
@@ -47,6 +47,9 @@ def test_declined_step_skips_what_builds_on_it(cell, name: str) -> None:  # type
         assert ran.code == 1, ran.says
         assert statuses.index("skipped") >= 0
         assert set(statuses[statuses.index("skipped") :]) == {"skipped"}, f"{action}\n{ran.says}"
+        reasons = {event["detail"] for event in ran.events if event["status"] == "skipped"}
+        named = {reason for reason in reasons if re.fullmatch(rf"needs [^ ]+, {re.escape(action)}", reason)}
+        assert reasons - named <= {"left out", "needs room that skipped steps would have made"}
         taken_back = host.copy()
         undone = undo(taken_back, prepared.plan)
         assert undone.code == 0, f"{action}\n{undone.says}"
@@ -118,20 +121,6 @@ def test_profile_does_not_reach_observing() -> None:
 
     assert run(hidden, "observe.ps1").lines == run(host, "observe.ps1").lines
     assert json.loads(run(host, "observe.ps1").lines[0])["machines"]["status"] == "denied"
-
-
-PINNED = [
-    *("PSDefaultParameterValues", "ErrorActionPreference", "WarningPreference", "VerbosePreference"),
-    *("DebugPreference", "InformationPreference", "ProgressPreference", "ConfirmPreference", "WhatIfPreference"),
-    "PSModuleAutoLoadingPreference",
-]
-
-
-@pytest.mark.parametrize("name", PINNED)
-def test_observe_pins_a_preference_before_it_calls_anything(name: str) -> None:
-    text = render_observe().decode("ascii")
-
-    assert f"\r\n${name} = " in text.partition("Set-StrictMode")[0]
 
 
 def test_ctrl_c_leaves_the_run_open() -> None:
@@ -254,23 +243,6 @@ def test_what_stops_and_removes_has_to_be_confirmed(asked: dict[str, bool], code
     assert [effect for effect in host.effects if effect.startswith("Stop-VM")] == [] or code == 0
 
 
-def test_what_a_caller_prefers_reaches_into_no_run() -> None:
-    prepared = everything()
-    head = (
-        scripts_of(prepared.plan)[apply_script(prepared.plan)]
-        .decode("ascii")
-        .replace("\r\n", "\n")
-        .partition("$plan = {")[0]
-    )
-    head += template_text("Rarms/Rarms.psm1").partition("function ")[0]
-    observed = template_text("observe.ps1")
-
-    for preference in re.findall(r"^\$\w+Preference = .*$", observed, re.MULTILINE):
-        name = preference.split()[0]
-        assert preference in head or name in ("$ConfirmPreference", "$WhatIfPreference"), preference
-    assert "PositionalBinding = $false" in head
-
-
 def test_line_ends_that_git_changed_are_called_so() -> None:
     prepared = fresh()
     host = prepared.copy()
@@ -290,7 +262,7 @@ def test_missing_undo_script_is_named() -> None:
     ran = run(host, apply_script(prepared.plan))
 
     assert ran.code == 1
-    assert ran.events[-1]["detail"].endswith("must lie beside this script: put it there")
+    assert ran.events[-1]["detail"].endswith("is missing: put it there as rarms wrote it")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import HypervPartition
 from rarms_iac.powershell.render import script_steps
 from rarms_iac.storage.records import records_in
-from tests.builders import a_component, a_partition
+from tests.builders import a_component, a_cpu, a_partition
 from tests.effort import every_few
 from tests.fake_powershell import cmdlets
 from tests.fake_powershell.cell import Cell, apply, apply_script, files_of, scripts_of, undo, undo_script
@@ -72,6 +72,7 @@ def test_after_a_run_the_next_plan_is_empty(cell: Make, windows_powershell: bool
     left = prepared.cell.on(host).plan()
     assert [str(step.address) for step in left.hosts[0].steps] == []
     assert ran.status_of("host") == ["noted", "done"]
+    assert host.unflushed == set()
 
 
 @cells
@@ -243,6 +244,23 @@ def test_moved_host_is_not_touched(move: str) -> None:
     assert seen(host) == before
 
 
+def test_change_during_run_stops_before_its_step() -> None:
+    prepared = alike_changed()
+    host = prepared.copy()
+    first = prepared.effect("Set-VMProcessor")
+
+    def meddle(on: WindowsHost) -> None:
+        if len(on.effects) > first:
+            on.machine("part-3").reserve, on.watch = 9, None
+
+    host.watch = meddle
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert [host.machine(f"part-{number}").reserve for number in (0, 3)] == [16, 9]
+
+
 @pytest.mark.parametrize(
     ("facts", "code", "says"),
     [
@@ -381,7 +399,7 @@ def test_folder_is_protected_before_opening_anything() -> None:
     prepared = fresh()
     whole = calls(prepared)
 
-    assert [call.partition(" C:")[0] for call in whole[:2]] == ["write", "make folder"]
+    assert whole[0].partition(" C:")[0] == "make folder"
     assert next(at for at, call in enumerate(whole) if "Set-Acl" in call) < whole.index(f"open {FOLDER}\\owner.txt")
 
 
@@ -515,6 +533,18 @@ def test_undo_works_on_host_that_can_promise_nothing(facts: dict[str, object]) -
     assert seen(host) == seen(prepared.copy(**facts))
 
 
+def test_running_stranger_counts_with_all_its_memory() -> None:
+    prepared = fresh()
+    grown = a_stranger("grown", 9, memory=512 * 2**20, dynamic_memory=True, assigned=prepared.copy().memory)
+    codes = []
+    for state in ("Running", "Off"):
+        host = prepared.copy()
+        host.vms[grown.id] = replace(grown, state=state, start_action="Nothing")
+        codes.append(apply(host, prepared.plan).code)
+
+    assert codes == [1, 0]
+
+
 def test_undo_works_beside_greedy_stranger() -> None:
     prepared = alike_changed()
     host = prepared.after_a_run()
@@ -554,6 +584,26 @@ def test_record_is_written_on_where_killed_run_stopped() -> None:
 
     assert ran.code == 0, ran.says
     assert written not in host.effects
+
+
+def test_wait_for_a_start_is_not_repeated() -> None:
+    vision = a_component("vision", reserve="20 %", processors=2)
+    more = replace(vision, cpu=a_cpu(reserve="20 %", starting=("40 %", "60 s")))
+    cell = Cell(a_cell_system(more), a_windows())
+    prepared = Prepared(cell, cell.plan())
+    at = max(number for number, effect in enumerate(prepared.effects()) if effect.startswith("Set-VMProcessor"))
+    host = prepared.copy(kill_before=at)
+    begun = host.clock
+    apply(host, prepared.plan)
+    killed = host.copy()
+    waited, begun = host.clock - begun, killed.clock
+
+    ran = again(killed, prepared)
+
+    assert ran.code == 0, ran.says
+    assert waited >= 60_000
+    assert killed.clock - begun < 60_000
+    assert {vm.reserve for vm in killed.vms.values()} == {40}, "its lasting 20 % of the host"
 
 
 @cells

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-from rarms_iac.applying.run_script import apply_job, run_job
+from rarms_iac.applying.run_script import run_job
 from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.quantities import Milliseconds
@@ -17,7 +17,7 @@ from rarms_iac.providers.hyperv.provider import LiveHypervHost
 from rarms_iac.providers.hyperv.transport import Listener
 from rarms_iac.providers.interface import ScriptBundle, ScriptExited, ScriptLost, WaitLimits
 from tests.builders import a_component, a_host, a_partition
-from tests.fake_powershell.cell import Cell, apply, undo
+from tests.fake_powershell.cell import Cell, apply, job_of, undo
 from tests.fake_powershell.cells import a_cell_system, a_windows
 from tests.fake_powershell.host import Vm, WindowsHost
 from tests.fake_powershell.transport import FakePowerShellTransport
@@ -59,10 +59,14 @@ def test_guest_has_the_grace_of_the_manifest(grace_s: int) -> None:
     ran = apply(host, plan)
 
     assert ran.code == 0, ran.says
-    assert apply_job(plan.id, plan.hosts[0]).script.longest_grace_ms == grace_s * 1000, "a silence that long is no end"
+    assert job_of(plan).script.longest_grace_ms == grace_s * 1000, "a silence that long is not an end"
     assert grace_s * 1000 <= host.clock - begun < (grace_s + 15) * 1000
     forced = {7: "3.5", 300: "150"}.get(grace_s)
-    words = f"asked, after {forced} s forced, after {grace_s} s turned off" if forced else "turned off, not asked"
+    words = (
+        f"shut down, after {forced} s forced, turned off after {grace_s} s"
+        if forced
+        else "turned off without a shutdown"
+    )
     assert words in script
     assert the_machine(host).state == "Running"
 
@@ -83,7 +87,7 @@ def test_script_may_be_silent_while_guest_stops() -> None:
     plan = cell(2, running(), 300).plan()
     waits = WaitLimits(lock_ms=5_000, silence_ms=60_000)
 
-    job = apply_job(plan.id, plan.hosts[0])
+    job = job_of(plan)
     run_job(LiveHypervHost(a_host("onboard"), Patient(running())), job, RunControl(waits=waits))
 
     assert Patient.silences == [365.0]
@@ -134,7 +138,7 @@ def test_deaf_guest_is_turned_off_at_once() -> None:
     assert host.clock - begun < 15_000
 
 
-def test_starting_guest_is_asked_when_it_can() -> None:
+def test_starting_guest_is_asked_once_it_answers() -> None:
     host = running()
     plan = cell(2, host, 120).plan()
     machine = the_machine(host)
@@ -161,7 +165,7 @@ def test_machine_in_another_state_is_not_stopped(state: str) -> None:
 
 
 @pytest.mark.parametrize("state", OTHER_STATES)
-def test_so_is_one_that_was_off(state: str) -> None:
+def test_machine_that_left_off_is_not_changed(state: str) -> None:
     host = running()
     the_machine(host).state = "Off"
     plan = cell(2, host).plan()

@@ -96,6 +96,44 @@ def test_clustered_machine_needs_permission_and_tells_cluster() -> None:
     assert apply(host, plan).code == 0
 
 
+UPDATE = "Update-ClusterVirtualMachineConfiguration"
+
+
+def test_cluster_is_told_however_a_run_is_cut_off() -> None:
+    host = made()
+    the_machine(host).clustered = "True"
+    plan = cell(host, 20, clustered=True).plan()
+    whole = host.copy()
+    assert apply(whole, plan).code == 0
+    update = next(at for at, effect in enumerate(whole.effects) if UPDATE in effect)
+    steps = [at for at, effect in enumerate(whole.effects) if "VM" in effect or UPDATE in effect]
+    faults = [(fault, at) for fault in ("kill_before", "kill_after", "fail_at") for at in range(steps[0], update + 2)]
+
+    for fault, at in faults:
+        cut = host.copy(**{fault: at})
+        the_machine(cut).cluster_knows = False
+        first = apply(cut, plan)
+        cut = cut.copy()
+        ended = apply(cut, plan)
+        undone = undo(cut, plan)
+
+        assert (first.code, ended.code) != (0, 1), first.says
+        assert (ended.code, undone.code) == (0, 0), f"{fault} {at}\n{ended.says}\n{undone.says}"
+        assert the_machine(cut).cluster_knows, f"{fault} {at}"
+
+
+def test_second_run_tells_no_cluster() -> None:
+    host = made()
+    the_machine(host).clustered = "True"
+    plan = cell(host, 20, clustered=True).plan()
+    assert apply(host, plan).code == 0
+    the_machine(host).cluster_knows = False
+
+    again = apply(host, plan)
+
+    assert (again.code, the_machine(host).cluster_knows) == (0, False), again.says
+
+
 def test_clustered_machine_is_never_removed() -> None:
     host = made()
     the_machine(host).clustered = "True"

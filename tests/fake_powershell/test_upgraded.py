@@ -60,7 +60,7 @@ def finished(host: WindowsHost) -> RunReport | None:
     return finish_unfinished([live(host)])
 
 
-def test_it_is_finished_as_it_was_begun() -> None:
+def test_upgraded_host_finishes_run_as_begun() -> None:
     host, _ = killed_in_the_middle()
     undisturbed = everything().copy()
     apply(undisturbed, everything().plan)
@@ -73,7 +73,7 @@ def test_it_is_finished_as_it_was_begun() -> None:
     assert live(host).unfinished() is None
 
 
-def test_it_is_undone_by_its_own_script() -> None:
+def test_upgraded_host_undoes_by_journals_script() -> None:
     host, _ = killed_in_the_middle()
     same = everything().after_a_run(kill_after=25)
 

@@ -12,8 +12,9 @@ from rarms_iac.model.plan import Purpose
 from tests.effort import every_few
 from tests.fake_powershell.cell import apply, apply_script, files_of, undo
 from tests.fake_powershell.cells import MMCSS, Prepared, everything, fresh
-from tests.fake_powershell.host import Entry, WindowsHost
-from tests.fake_powershell.run import FOLDER, put, run
+from tests.fake_powershell.host import READ, WRITE, Entry, WindowsHost
+from tests.fake_powershell.observing import JOURNAL
+from tests.fake_powershell.run import BETWEEN_RUNS_MS, FOLDER, put, run
 
 RESOURCE = json.loads((Path(__file__).parents[2] / "docs" / "rarms.dsc.resource.json").read_text(encoding="utf-8"))
 RESULT = f"{FOLDER}\\onboard.ps1.result.json"
@@ -55,13 +56,15 @@ def test_finished_run_leaves_a_verdict(prepared: Any) -> None:
 
 def test_interrupted_run_shows_no_earlier_verdict() -> None:
     prepared = fresh()
-    calls = len(a_run(prepared)[0].effects)
-    for kill_after in every_few(calls - 1, 3):
-        host = prepared.copy(kill_after=kill_after)
+    effects = a_run(prepared)[0].effects
+    told = effects.index(f"write {RESULT}")  # by then it holds the computer
+    for kill_after in every_few(len(effects) - 1 - told, 3):
+        host = prepared.copy(kill_after=told + kill_after)
         host.write_file(RESULT, b'{"status":"done"}')
         put(host, files_of(prepared.plan))
         assert run(host, apply_script(prepared.plan)).code is None
-        assert (verdict(host)["status"], verdict(host)["exit_code"]) == ("begun", 1)
+        if host.data(RESULT):  # killed before its first byte it says nothing
+            assert (verdict(host)["status"], verdict(host)["exit_code"]) == ("begun", 1)
         assert run(again := host.copy(), apply_script(prepared.plan)).code == 0
         assert verdict(again)["status"] == "done"
 
@@ -100,7 +103,10 @@ def test_link_in_place_of_verdict_is_refused() -> None:
 
     ran = apply(host, made.plan)
 
-    assert (ran.code, host.effects) == (1, []), ran.says
+    assert ran.code == 1, ran.says
+    assert [effect for effect in host.effects if "owner.txt" not in effect and "Acl" not in effect] == [
+        "make folder C:\\ProgramData\\rarms"
+    ]
     assert f"{RESULT} is a link" in ran.events[-1]["detail"]
     assert host.file(RESULT).data == b"elsewhere"  # type: ignore[union-attr]
 
@@ -204,3 +210,66 @@ def test_dsc_resource_uses_existing_parameters() -> None:
         assert "$env:script" in called
         assert RESOURCE[operation]["input"] == "env"
     assert set(RESOURCE["exitCodes"]) == {"0", "1", "3"}
+
+
+def held_by_another(host: WindowsHost, path: str, share: frozenset[str], ms: int) -> None:
+    """Another process has the file open for so long, and shares it so."""
+    until, handle = host.clock + BETWEEN_RUNS_MS + ms, host.open(path, READ, share, here=False)
+
+    def let_go(on: WindowsHost) -> None:
+        if on.clock >= until:
+            on.close(handle)
+
+    host.slept = let_go
+
+
+@pytest.mark.parametrize("path", [RESULT, JOURNAL], ids=["verdict", "journal"])
+@pytest.mark.parametrize("share", [READ, READ | WRITE], ids=["reading", "writing too"])
+def test_reader_of_a_moment_breaks_no_run(path: str, share: frozenset[str]) -> None:
+    made = fresh()
+    host = made.after_a_run()
+    removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
+    host = host.copy()
+    held_by_another(host, path, share, 2000)
+
+    ran = apply(host, removal)
+
+    assert (ran.code, verdict(host)["status"]) == (0, "done"), ran.says
+
+
+def test_held_journal_is_named() -> None:
+    made = fresh()
+    host = made.after_a_run()
+    removal = made.cell.on(host).plan(purpose=Purpose.DESTROY)
+    host = host.copy()
+    held_by_another(host, JOURNAL, READ, 60_000)
+
+    ran = apply(host, removal)
+
+    assert (ran.code, ran.events[-1]["status"]) == (1, "failed"), ran.says
+    assert f"{JOURNAL} cannot be used, close the program that has it open" in ran.events[-1]["detail"]
+
+
+def test_held_verdict_lies_in_program_data() -> None:
+    made = fresh()
+    host = made.copy()
+    host.write_file(RESULT, b"{}")
+    held_by_another(host, RESULT, READ, 3_600_000)
+
+    ran = apply(host, made.plan)
+
+    elsewhere = "C:\\ProgramData\\rarms\\onboard.ps1.result.json"
+    assert (ran.code, verdict(host, elsewhere)["status"]) == (0, "done"), ran.says
+    (noted,) = (event["detail"] for event in ran.events if "verdict" in event["detail"])
+    assert noted.startswith(f"the verdict is in {elsewhere}: {RESULT} cannot be used")
+
+
+def test_refused_start_leaves_the_verdict_of_the_running_one() -> None:
+    made = fresh()
+    host = made.copy(lock="held")
+    host.write_file(RESULT, b'{"status":"begun"}')
+
+    ran = apply(host, made.plan)
+
+    assert (ran.code, ran.events[-1]["kind"], verdict(host)) == (3, "lock", {"status": "begun"}), ran.says
+    assert entries(host) == [("Warning", 5)]

@@ -238,7 +238,7 @@ def is_null(value: Value) -> bool:
 
 
 def elements(value: Value) -> list[Value]:
-    """What the value is as a sequence: of one where it is no collection, of none where a command gave nothing."""
+    """What the value is as a sequence: of one where it is not a collection, of none where a command gave nothing."""
     if value is EMPTY:
         return []
     if isinstance(value, list):
@@ -333,7 +333,7 @@ def wide(value: int) -> Long:
 
 
 def same(left: Value, right: Value, *, case: bool) -> bool:
-    """`-ceq` and `-eq` of a left side that is no array: the right one is taken for the left one's type."""
+    """`-ceq` and `-eq` of a left side that is not an array: the right one is taken for the left one's type."""
     match left:
         case None | _Empty():
             return is_null(right)

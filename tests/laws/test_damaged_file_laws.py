@@ -42,7 +42,7 @@ PLAN, SNAPSHOT = "plan.json", "snapshot.json"
 EVERYTHING_FILE = "everything.yaml"
 
 PROOF: list[list[str]] = [["prove", "--load-host"]] if LONG else []
-"""A proof takes seconds where what it reads is no fault: the usual run has it for the host alone."""
+"""A proof takes seconds where what it reads is not a fault: the usual run has it for the host alone."""
 
 READERS: dict[str, list[list[str]]] = {
     "rarms.yaml": [
@@ -232,7 +232,7 @@ def in_time() -> Iterator[None]:
 
 
 def check(answer: Ran) -> None:
-    """It is no bug of ours, and nothing that was read reaches the terminal as it is."""
+    """It is not a bug of ours, and nothing that was read reaches the terminal as it is."""
     text = answer.out + answer.err
     assert "RARMS199" not in text
     assert "Traceback" not in text

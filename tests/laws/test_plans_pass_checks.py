@@ -174,7 +174,7 @@ def test_refusal_names_partition_that_would_have_to_move() -> None:
     assert refused.plan is None
     (finding,) = [finding for finding in refused.findings if finding.severity is Severity.ERROR]
     assert finding.values["would_move"] in {("a",), ("b",)}
-    assert "If partitions may move, there is a layout" in finding.detail
+    assert "They fit if partitions may move" in finding.detail
     assert "--max-disruption removal" in str(finding.advice)
     assert moved.plan is not None
 
@@ -200,7 +200,7 @@ def test_what_stays_is_not_made_elsewhere(limit: Disruption, hosts: tuple[str, .
     assert [type(change) for host in allowed.hosts for change in host.changes] == [Delete, Create]
 
 
-@pytest.mark.parametrize(("hosts", "why"), [(None, "it may be on right, which was not looked at"), (("left",), "")])
+@pytest.mark.parametrize(("hosts", "why"), [(None, "it may be on right, which was not read"), (("left",), "")])
 def test_unseen_host_may_have_the_partition(hosts: tuple[str, ...] | None, why: str) -> None:
     both = [a_host(name) for name in ("left", "right")]
     system = a_system(hosts=both, components=[a_component("a", reserve="30 %", memory="64 MiB", hosts=hosts)])

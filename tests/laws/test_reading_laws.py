@@ -30,7 +30,7 @@ from rarms_iac.storage.codec import NotDecodable, decoder_of_field, has_numbers
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, TuningRun
 from rarms_iac.storage.datalog.log import Header, LogRecord
 from rarms_iac.storage.plan_file import PlanFile
-from rarms_iac.storage.ranges import RANGES, range_of
+from rarms_iac.storage.ranges import BY_SETTING, RANGES, range_of
 from tests.effort import examples
 from tests.unit.manifest.examples import EVERYTHING
 
@@ -154,12 +154,12 @@ def test_every_range_belongs_to_a_read_number() -> None:
 
 
 def documents(number: float) -> Iterator[Any]:
-    yield from (number, [number], {"x": number}, [[number]], {"x": [number]})
+    yield from (number, [number], {"reserve": number}, [[number]], {"reserve": [number]})
 
 
 @pytest.mark.parametrize(("record", "name", "hint"), numbers())
 def test_a_number_just_beyond_its_range_is_refused(record: str, name: str, hint: Any) -> None:
-    least, most = range_of(record, name)
+    least, most = range_of(*(("PartitionSettings", "reserve") if f"{record}.{name}" in BY_SETTING else (record, name)))
     read = decoder_of_field(record, name, hint)
     for number in (least - 1, most + 1, most * 2):
         if abs(number) == float("inf"):

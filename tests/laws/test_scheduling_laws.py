@@ -166,7 +166,7 @@ def test_limit_bounds_every_span(machine: ModelMachine) -> None:
 
 
 def test_limit_may_be_used_twice_within_a_window() -> None:
-    """So the bound is no wider than it has to be: a job that is due late in a window uses that one and the next."""
+    """So the bound is not wider than it has to be: a job that is due late in a window uses that one and the next."""
     late = JobDemand(component="c", work_ms=60.0, period_ms=270.0)
     vm = VirtualMachine(name="vm", vps=1, limit=30, components=(late,))
     ran = run(ModelMachine(lps=1, machines=(vm,)), 1000.0)
@@ -204,7 +204,7 @@ def _reserved(
     return VirtualMachine(name=name, vps=1, reserve=reserve, weight=weight, components=demands, loads=loads)
 
 
-# The last claim of `steady` is used up while no other waits: what it runs beyond is no debt.
+# The last claim of `steady` is used up while no other waits: what it runs beyond is not a debt.
 ALONE_ON_ONE_LP = ModelMachine(
     lps=1,
     machines=(

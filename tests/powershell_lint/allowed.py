@@ -37,9 +37,9 @@ READING_CMDLETS = words(
     Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VHD Hyper-V\Get-VMFirmware
     Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch Hyper-V\Get-VMSecurity
     ConvertTo-Json Get-Acl Get-CimInstance Get-ExecutionPolicy Get-Module
-    Get-WinEvent Join-Path Set-StrictMode
+    Get-WinEvent Join-Path Set-StrictMode Start-Sleep
     Microsoft.PowerShell.Core\Where-Object Microsoft.PowerShell.Management\Get-ChildItem
-    Microsoft.PowerShell.Management\Get-Content Microsoft.PowerShell.Management\Get-Item
+    Microsoft.PowerShell.Management\Get-Item
     Microsoft.PowerShell.Management\Test-Path Microsoft.PowerShell.Utility\Sort-Object
     """
 )
@@ -50,8 +50,8 @@ CMDLETS = READING_CMDLETS | words(
     Hyper-V\Remove-VMNetworkAdapter Hyper-V\Move-VMStorage
     FailoverClusters\Update-ClusterVirtualMachineConfiguration
     ConvertFrom-Json Export-ModuleMember Import-Module New-Item New-ItemProperty
-    Get-Content New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
-    Start-Sleep Write-Information Write-Progress Write-Verbose
+    New-Module Receive-Job Remove-Item Remove-ItemProperty Set-Acl
+    Write-Information Write-Progress Write-Verbose
     Get-Command Microsoft.PowerShell.Core\Get-Command Microsoft.PowerShell.Utility\Get-Alias
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
     """
@@ -61,64 +61,69 @@ READING_TYPES = words(
     """
     CmdletBinding Parameter bool byte byte[] char int long ordered regex scriptblock string string[] switch void
     Diagnostics.CodeAnalysis.SuppressMessageAttribute Environment IntPtr
-    System.BitConverter System.IO.File System.Security.Cryptography.SHA256 System.Text.Encoding
+    System.BitConverter System.IO.BinaryReader System.IO.File System.IO.FileStream System.IO.IOException
+    System.Management.Automation.ItemNotFoundException System.UnauthorizedAccessException
+    System.Security.Cryptography.SHA256 System.Text.Encoding
     System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
     System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
     """
 )
 TYPES = READING_TYPES | words(
     """
-    Array Console DateTime guid hashtable pscustomobject ref System.Collections.IDictionary System.Convert
+    Array Console DateTime OutputType guid hashtable pscustomobject ref System.Collections.IDictionary System.Convert
     System.Diagnostics.EventLog
     System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
-    System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
+    System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
-    System.StringComparer System.StringComparison
-    System.IO.BinaryReader System.IO.FileShare System.IO.IOException
+    System.StringComparer System.StringComparison WildcardPattern
+    System.IO.FileShare
     """
 )
 
 _HYPERV_MEMBERS = words(
     """
     AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
-    Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
+    Generation Id LogicalProcessorCount Maximum MemoryAssigned MemoryStartup Name Notes ParentPath Path ProcessorCount
     ProcessorsAvailability RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State
     VhdType VirtualHardDiskPath VMId VMName
     """
 )
 READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII Administrator AutomaticStartDelay ComputeHash Create GetBytes Length Substring ToString Trim
+    ASCII Administrator AutomaticStartDelay ComputeHash Create Dispose Exists
+    GetBytes GetEncoding GetString Length Substring ToString Trim
     Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
     FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
-    GuestIntrinsicExchangeItems HypervisorPresent Keys InstanceID IsActive IsInRole LanguageMode MachineName
+    GuestIntrinsicExchangeItems HResult HypervisorPresent Keys InstanceID IsActive IsInRole LanguageMode MachineName
     MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
     NumberOfLogicalProcessors OperationalStatus PSChildName PSEdition PSObject PSVersion Properties Replace
-    Reservation Scope SessionState Size SwitchName SystemName ToLowerInvariant Value Version VirtualMachinePath new
+    ReadBytes Reservation Scope SessionState Size SwitchName
+    SystemName ToLowerInvariant Value Version VirtualMachinePath new
     """
 )
 MEMBERS = READING_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
-    Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
-    GetAttributes GetBytes GetString Guest
+    Cores Create CreateDirectory Delete Detail Enabled Equals Fits Flush
+    GetAttributes GetBytes Guest
     CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
-    Number EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
+    Number Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
+    ContainsKey Detail Identity Read ReadWrite Remove ReadAllBytes ReparsePoint Run ScriptLineNumber Serial
     BoundParameters MyInvocation Purpose Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
-    Row UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
+    Row UndoDigest Undoes UserName UtcNow WaitOne Write closing data kind number plan record run
     application history purpose robot serials set started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
-    Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
+    ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
     ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
     Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
-    Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
-    Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
-    Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock Preview
-    ScriptPath Test WriteEntry InDesiredState module script undo
-    OpenStandardInput Out ReadAsync ReadBytes RedirectStandardInput StandardInput User WriteLine
+    Logon arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
+    Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess GetDirectories IsCompleted MainModule
+    NewGuid Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock
+    Preview ScriptPath Test WriteEntry InDesiredState module script undo
+    Escape GetFileName GetProcessById UTF8 GetUnresolvedProviderPathFromPSPath OrdinalIgnoreCase
+    OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """
 )
 
@@ -130,7 +135,8 @@ OPERATORS = words(
 )
 
 VARIABLES = words(
-    "$_ $args $true $false $null $env:OS $env:ProgramData $ExecutionContext $PSVersionTable $Matches $PID $PSCmdlet "
+    "$_ $args $true $false $null $env:OS $env:ProgramData $env:RARMS_RECEIVER $ExecutionContext $PSVersionTable "
+    "$Matches $PID $PSCmdlet "
     "$MyInvocation $PSBoundParameters $PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
 )
 """Variables that PowerShell assigns, and no script."""
@@ -152,7 +158,7 @@ PINS = frozenset(
 )
 """Assignments to PowerShell's own variables, as written."""
 
-BLOCKS = words("$Read $read $look $set $fits $bound $invoke $Path")
+BLOCKS = words("$Do $Read $read $look $set $fits $bound $invoke $Path")
 """Variables that may stand behind `&`."""
 
 SPECIAL = words(
@@ -165,24 +171,13 @@ SPECIAL = words(
 )
 """Variables that PowerShell itself keeps or heeds, in lower case."""
 
-CHANGING_VERBS = words("New Set Remove Start Stop Restart Reset Update")
-VERBS = CHANGING_VERBS | words(
-    """
-    Add Clear Close Copy Enter Exit Find Format Get Hide Join Lock Move Open Optimize Pop Push Redo Rename Resize
-    Search Select Show Skip Split Step Switch Undo Unlock Watch Connect Disconnect Read Receive Send Write Backup
-    Checkpoint Compare Compress Convert ConvertFrom ConvertTo Dismount Edit Expand Export Group Import Initialize Limit
-    Merge Mount Out Publish Restore Save Sync Unpublish Debug Measure Ping Repair Resolve Test Trace Approve Assert
-    Build Complete Confirm Deny Deploy Disable Enable Install Invoke Register Request Submit Suspend Uninstall
-    Unregister Wait Block Grant Protect Revoke Unblock Unprotect Use
-    """
-)
-
 _PLAN_CALLS = r"""
 Use-Target Address Read
 Add-Step Action Before After Same Set Fits Undoes Lost
 Test-Open Name
 Test-Capacity Processors Reserve Memory
 Get-PartitionReading Machine Clustered Name Disk
+Get-ClusterReading
 Get-TaskClassReading Task
 Get-GuestTaskClassReading Task Application Replace
 Get-DiskReading Path Parent Everywhere
@@ -202,6 +197,7 @@ Hyper-V\Start-VM VM
 FailoverClusters\Update-ClusterVirtualMachineConfiguration VMId
 Write-Mark
 Stop-Partition GraceMs
+Wait-Start Milliseconds
 Write-TaskValue Task Name Type Value
 Remove-TaskValue Task Name Keep
 Remove-TaskClass Task
@@ -209,12 +205,12 @@ Write-TaskRecord Task Application Robot Digest Before
 Remove-TaskRecord Task Application
 Save-TaskRecord Task Application Digest
 Restore-TaskClass Task Application
-Remove-DiskFile Path
+Remove-Item LiteralPath
 Add-Folder Path
 Move-NewPartition From To
 Remove-PartitionFolder From To
 Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
-Add-GuestWork Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances
+Add-GuestWork Partition Logon Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances
 """
 PLAN_CALLS = {name: set(parameters) for name, *parameters in map(str.split, _PLAN_CALLS.strip().splitlines())}
 """What plans call, by name with the parameters that they give: all that scripts do to a machine."""

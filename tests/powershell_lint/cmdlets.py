@@ -5,6 +5,7 @@ its whole name.
 """
 
 import json
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -26,8 +27,9 @@ class SetMembership:
     """How a parameter takes part in one parameter set."""
 
     mandatory: bool
-    positional: bool
+    position: int | None
     from_pipeline: bool
+    from_property: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,8 @@ class Parameter:
     type: str
     sets: Mapping[str, SetMembership]
     accepted: tuple[str, ...]
+    aliases: tuple[str, ...]
+    not_empty: bool
     in_7: bool
 
     @property
@@ -53,6 +57,7 @@ class Cmdlet:
     name: str
     module: str
     should_process: bool
+    default_set: str
     in_7: bool
     parameters: Mapping[str, Parameter]
 
@@ -74,7 +79,9 @@ def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
             name=key,
             type=fact["type"],
             sets={group: _in_set(flags) for group, flags in fact["sets"].items()},
-            accepted=tuple(fact.get("values", ())),
+            accepted=tuple(fact.get("values", fact.get("checks", {}).get("set", ()))),
+            aliases=tuple(fact.get("aliases", ())),
+            not_empty=fact.get("not_empty", False),
             in_7=key not in missing,
         )
         for key, fact in facts["parameters"].items()
@@ -83,13 +90,20 @@ def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
         name=name,
         module=facts["module"],
         should_process=facts["should_process"],
+        default_set=facts["default_set"],
         in_7=facts["in_7"],
         parameters=parameters,
     )
 
 
 def _in_set(flags: str) -> SetMembership:
-    return SetMembership(mandatory="m" in flags, positional="p" in flags, from_pipeline="v" in flags or "n" in flags)
+    position = re.search("p(-?[0-9]+)", flags)
+    return SetMembership(
+        mandatory="m" in flags,
+        position=int(position[1]) if position else None,
+        from_pipeline="v" in flags,
+        from_property="n" in flags,
+    )
 
 
 def cmdlet(name: str, module: str = "") -> Cmdlet | None:
@@ -98,27 +112,25 @@ def cmdlet(name: str, module: str = "") -> Cmdlet | None:
     return cmdlet_facts if cmdlet_facts and (not module or cmdlet_facts.module.lower() == module.lower()) else None
 
 
-def problems_of_call(
-    called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
-) -> tuple[str, ...]:
+def problems_of_call(called: Cmdlet, given: Collection[str], *, positional: int = 0) -> tuple[str, ...]:
     """Return why a call with these parameters would not bind in 5.1 and 7 alike; empty where it does.
 
-    `given` are the names as written, `positional` the number of values without one, `piped` whether it takes input.
+    `given` are the names as written, `positional` the number of values without one.
     """
-    spelling = [problem for name in given for problem in _spelling(called, name)]
+    misspelt = [problem for name in given for problem in spelling(called, name)]
     doubled = [name for name, count in Counter(name.lower() for name in given).items() if count > 1]
-    if spelling or doubled:
-        return (*spelling, *(f"-{name} is given twice" for name in doubled))
+    if misspelt or doubled:
+        return (*misspelt, *(f"-{name} is given twice" for name in doubled))
     own = [parameter for name in given if (parameter := called.parameter(name))]
     if positional:
         return (f"{called.name} is given a value without a name",)
-    if any(_fits(called, group, own, piped) for group in _groups(called)):
+    if any(_fits(called, group, own) for group in _groups(called)):
         return ()
     written = ", ".join(f"-{parameter.name}" for parameter in own) or "no parameter"
     return (f"{called.name} has no parameter set for {written}",)
 
 
-def _spelling(called: Cmdlet, name: str) -> Iterable[str]:
+def spelling(called: Cmdlet, name: str) -> Iterable[str]:
     """Yield what is wrong with a name; an alias or an abbreviation may mean another parameter in another version."""
     if name in COMMON:
         return
@@ -136,13 +148,11 @@ def _groups(called: Cmdlet) -> tuple[str, ...]:
     return tuple(sorted(named)) or ("",)
 
 
-def _fits(called: Cmdlet, group: str, given: Collection[Parameter], piped: bool) -> bool:
+def _fits(called: Cmdlet, group: str, given: Collection[Parameter]) -> bool:
     """Whether the set takes all that is given and gets all that it must have."""
     if any(group not in parameter.sets for parameter in given):
         return False
-    missing = [
-        parameter.sets[group]
+    return not any(
+        group in parameter.sets and parameter.sets[group].mandatory and parameter not in given
         for parameter in called.parameters.values()
-        if group in parameter.sets and parameter.sets[group].mandatory and parameter not in given
-    ]
-    return all(piped and membership.from_pipeline for membership in missing)
+    )

@@ -1,9 +1,8 @@
-"""What is held true of the templates of scripts once and for all: what they may be made of, calls that bind, names.
+"""What is held true of the templates of scripts once and for all: what they may be made of, and the names in it.
 
 In: the text of a script, whole. Out: problems, each `line: what is wrong`.
 """
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +10,7 @@ from functools import cached_property
 from tree_sitter import Node
 
 from tests.powershell_lint import allowed
-from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
+from tests.powershell_lint.cmdlets import cmdlet, spelling
 from tests.powershell_lint.tree import CommandCall, calls_of, line_number, parse, text_of, walk
 
 Problem = tuple[Node, str]
@@ -53,7 +52,7 @@ class Script:
 def problems(text: str, *, reading: bool = False) -> list[str]:
     """Everything that is wrong with a script, in no order."""
     script = Script(parse(text), reading)
-    checks = (_constructs, _names, _commands, _style, _unused)
+    checks = (_constructs, _names, _commands, _hidden)
     joined = [f"{at}: the line is joined" for at, line in enumerate(text.splitlines(), start=1) if line.endswith(" `")]
     return joined + [f"{line_number(node)}: {problem}" for check in checks for node, problem in check(script)]
 
@@ -160,7 +159,10 @@ def _is_last(node: Node) -> bool:
 
 
 def _commands(script: Script) -> Iterator[Problem]:
-    """Each call: a function of the script, or a cmdlet of the lists under its full name, with parameters that fit."""
+    """Each call: a function of the script, or a cmdlet of the lists, and names as they are written in full.
+
+    Whether the parameters fit together, PowerShell itself says: `tests/real_powershell/test_texts.py`.
+    """
     for call in calls_of(script.root):
         if call.name and call.operator:
             yield call.node, f"{call.operator} before {call.name}"
@@ -182,21 +184,17 @@ def _problems_of_cmdlet(call: CommandCall, reading: bool) -> Iterator[str]:
     module, _, name = call.name.rpartition("\\")
     facts = cmdlet(name, module)
     if facts is None or facts.name != name or not facts.in_7:
-        yield f"{call.name} is no cmdlet of 5.1 and 7"
+        yield f"{call.name} is not a cmdlet of 5.1 and 7"
         return
     if call.name not in (allowed.READING_CMDLETS if reading else allowed.CMDLETS):
         yield f"{call.name} is not on the list"
-    positional = len(call.loose)
     for given, value in call.given.items():
         parameter = facts.parameter(given)
+        yield from spelling(facts, given)
         if parameter is not None and parameter.is_switch and value is not None:
-            positional += 1
-        elif parameter is not None and not parameter.is_switch and value is None:
-            yield f"-{given} of {name} needs a value"
-        elif parameter is not None and value is not None and not _accepts(parameter.accepted, text_of(value)):
-            yield f"-{given} of {name} does not take {text_of(value)}"
-    first = call.node.parent.children[0] if call.node.parent else call.node
-    yield from problems_of_call(facts, call.given, positional=positional, piped=first.id != call.node.id)
+            yield f"{name} is given a value without a name"
+    if call.loose:
+        yield f"{name} is given a value without a name"
     if (name == "New-Item" and "Force" in call.given) or (name == "Remove-Item" and call.given.keys() & _TAKING_ALL):
         yield f"{name} takes more than one key that holds nothing"
 
@@ -204,51 +202,8 @@ def _problems_of_cmdlet(call: CommandCall, reading: bool) -> Iterator[str]:
 _TAKING_ALL = {"Force", "Recurse"}
 
 
-def _accepts(accepted: tuple[str, ...], text: str) -> bool:
-    """Whether a literal is one of the accepted values; of anything else the text does not show it."""
-    return not accepted or not text.startswith("'") or text.strip("'") in accepted
-
-
-_ASKED_FOR = "SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', ''"
-
-
-def _style(script: Script) -> Iterator[Problem]:
-    """Names of functions, ShouldProcess, empty catches, `$null` on the left: what PSScriptAnalyzer looks at."""
-    is_asked_for = any(node.type == "param_block" and _ASKED_FOR in text_of(node) for node in script.nodes)
+def _hidden(script: Script) -> Iterator[Problem]:
+    """Functions named like a cmdlet. PSScriptAnalyzer finds those of PowerShell's own cmdlets alone."""
     for function in script.functions.values():
-        verb, _, noun = function.name.partition("-")
-        if verb not in allowed.VERBS or not noun or (noun.endswith("s") and not noun.endswith(_SINGULAR)):
-            yield function.node, f"{function.name} is not named as PowerShell's own are"
         if cmdlet(function.name):
             yield function.node, f"{function.name} is a cmdlet already"
-        if verb in allowed.CHANGING_VERBS and not (is_asked_for or "SupportsShouldProcess" in text_of(function.node)):
-            yield function.node, f"{function.name} has no SupportsShouldProcess"
-    for node in script.nodes:
-        if node.type == "catch_clause" and not any(child.type == "statement_list" for child in walk(node)):
-            yield node, "an error is caught and forgotten"
-        if node.type == "comparison_expression" and len(node.children) == 3:
-            left, _, right = (text_of(child).lower() for child in node.children)
-            if right == "$null" != left:
-                yield node, "$null stands on the right: compared with a list, it filters instead"
-
-
-_SINGULAR = ("ss", "us", "is", "Data", "Windows")
-
-
-def _unused(script: Script) -> Iterator[Problem]:
-    """By function; what is assigned outside of all functions may be read in any of them."""
-    bodies = [[*walk(function.node)] for function in script.functions.values()]
-    inside = {node.id for body in bodies for node in body}
-    everywhere = [node for node in script.nodes if node.type == "variable"]
-    yield from _unused_among([node for node in everywhere if node.id not in inside], everywhere)
-    for body in bodies:
-        variables = [node for node in body if node.type == "variable"]
-        yield from _unused_among(variables, variables)
-
-
-def _unused_among(variables: list[Node], readers: list[Node]) -> Iterator[Problem]:
-    read = Counter(text_of(node).lower() for node in readers if not _is_assigned(node))
-    for node in variables:
-        name = text_of(node).lower()
-        if _is_assigned(node) and not read[name] and ":" not in name and _assignment_of(node) not in allowed.PINS:
-            yield node, f"{text_of(node)} is never read"

@@ -223,7 +223,9 @@ def test_reviewed_plan_is_applied_once(fleet: Fleet) -> None:
 
     assert fleet.play(plan).changed == []
     assert fleet.play(reviewed).changed == ["r-1"]
-    assert "RARMS182" in fleet.play(reviewed).results["r-1"]["msg"], "a plan is used once"
+    used = fleet.play(reviewed).results["r-1"]["msg"]
+    assert "RARMS182" in used, "a plan is used once"
+    assert "use `state: planned`" in used
 
     fleet.add("r-1", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
     assert fleet.play(plan).with_status("failed") == ["r-1"]
@@ -292,6 +294,7 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     fleet.add("r-2", "components: { vision: { cpu: { reserve: measured } } }\n")
     role: Task = {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}}
 
+    assert "play the role rarms.fleet.measure" in fleet.play(APPLY).results["r-1"]["msg"]
     measured = fleet.play(role)
     assert measured.code == 0, measured.out
     assert measured.changed == ["r-1"], "one robot of the platform"
@@ -303,6 +306,7 @@ def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
     shutil.rmtree(fleet.folder / "measurements")
     busy = fleet.play(role, options=("--limit", "r-1"))
     assert "RARMS115" in busy.results["r-1"]["msg"]
+    assert "rarms_measure_stop_partitions: true" in busy.results["r-1"]["msg"]
     assert fleet.play(role, options=("--limit", "r-1", "-e", "rarms_measure_stop_partitions=true")).changed == ["r-1"]
 
     refused = fleet.play(APPLY, {"rarms.fleet.prove": {}})

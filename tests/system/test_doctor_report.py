@@ -179,7 +179,7 @@ def test_a_linux_host(tmp_path: Path) -> None:
     assert {word for word in texts(host) if not VERSION.fullmatch(word)} <= WORDS
 
 
-def test_what_is_there_stays(tmp_path: Path) -> None:
+def test_doctor_report_replaces_no_file(tmp_path: Path) -> None:
     desk, report, lost = Desk(tmp_path), tmp_path / "report.json", tmp_path / "lost" / "report.json"
     report.write_text("mine", encoding="utf-8")
 

@@ -104,9 +104,9 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     person.waits_for("against CR (% of its VPs)")
     person.waits_for("onboard: ")
     person.waits_for("not known: speech is not measured.")
-    person.waits_for("A level for vision, as 100 ms or 95 %, or Enter to go on [?, q]:")
+    person.waits_for("A level for vision, such as 100 ms or 95 %, or Enter to continue [?, q]:")
     person.types("?")
-    person.waits_for("A level is how well it must do, with its unit")
+    person.waits_for("A level is a threshold with its unit")
     person.types("150 ms")
     person.waits_for("vision: mean_response_time at most 50 ms -> at most 150 ms")
     person.waits_for("Write this level into the manifest? [y/N/?/q]")
@@ -120,10 +120,10 @@ def test_a_whole_session(person: Person, folder: Path) -> None:
     assert "at_most: 150 ms } }  # the line is not too late" in manifest.read_text(encoding="utf-8")
     person.waits_for("% of its VPs was measured. Search there? [y/N/?/q]")
     person.types("y")
-    person.waits_for("vision with busy-loop on onboard (simulated): 1 to")
+    person.waits_for("vision with busy-loop")
     person.waits_for("A level for vision")
     person.types("")
-    person.waits_for("speech with busy-loop on onboard (simulated): 10 settings")
+    person.waits_for("speech with busy-loop")
     person.waits_for("A level for speech")
     person.types("q")
     person.waits_for("Ended. Results are saved; run the same command to continue.")
@@ -160,11 +160,11 @@ def test_too_demanding_levels_go_on_to_combining(tmp_path: Path) -> None:
     person = over_full(tmp_path)
     try:
         person.types("?")
-        person.waits_for("as `rarms tune --interactive")
+        person.waits_for("like `rarms tune --interactive")
         person.types("y")
         person.waits_for("Try ")
         person.types("q")
-        person.waits_for(f"What is measured and written stays: `rarms tune -f {tmp_path}` goes on with combining.")
+        person.waits_for(f"Ended. Results are saved; `rarms tune -f {tmp_path}` continues combining.")
         assert person.leaves() == 0
         assert "partitions:" not in (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
         person.close()
@@ -180,10 +180,10 @@ def test_a_combination_is_shown_before_it_is_written(tmp_path: Path) -> None:
     person = over_full(tmp_path)
     try:
         person.types("y")
-        while person.waits_for("saves at most", "successful, 2.") == "saves at most":
+        asks = "Write these partitions into the manifest? [y/N/?/q]"
+        while person.waits_for("saves at most", asks) == "saves at most":
             person.waits_for("[y/N/?/q]")
             person.types("y")
-        person.waits_for("Write these partitions into the manifest? [y/N/?/q]")
         assert "partitions:" not in (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
         person.types("y")
         person.waits_for("Written to")

@@ -76,7 +76,7 @@ def test_interrupted_measurement_goes_on(tmp_path: Path) -> None:
     code, out, err = ended_by(signal.SIGINT, tmp_path)
 
     assert code == 130, err
-    assert "run the same command to continue" in err
+    assert "Run the same command to continue" in err
     assert [line.split()[0].rstrip(":") for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
         "vision",
         "audio",

@@ -88,7 +88,7 @@ def test_run_of_another_version_is_closed_only(tmp_path: Path, monkeypatch: pyte
             refused = rarms(words, *([] if words == "plan" else ["--auto-approve"]))
             said = " ".join(refused.err.split())
             assert refused.code == 3, words
-            assert f"was begun by rarms {__version__} and not finished; this is rarms 9.9" in said, words
+            assert f"started by rarms {__version__}, is unfinished. This is rarms 9.9." in said, words
             assert "run `rarms install --host left`" in said, words
 
         assert rarms("apply", "--abandon").code == 0

@@ -37,7 +37,7 @@ def test_lines_of_page_run_one_after_another(tmp_path: Path) -> None:
     assert removed == "onboard delete partition/vision"
     assert outcome.startswith("False [")
     assert missing == "A file cannot be read True ['RARMS001']"
-    assert unknown.startswith('The manifest has no host "elsewhere".')
+    assert unknown.startswith('The manifest does not have the host "elsewhere".')
     assert changes == "False"
 
 

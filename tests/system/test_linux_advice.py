@@ -64,7 +64,7 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
         definition.write_text(text.replace(read_boot(LinuxEffects()), "an earlier start"), encoding="ascii")
 
     advised = run(folder, "doctor")
-    assert "`rarms apply` starts what is off" in advised
+    assert "`rarms apply` starts them" in advised
     if at_boot:
         assert "`rarms start --boot` does that at each start" in advised
         assert f"Started below {slice_of(folder)}: eyes." in run(folder, "start", "--boot")
@@ -73,7 +73,7 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
         run(folder, "apply", "--auto-approve", "--lock-timeout", "60s")  # other tests hold this machine, too
 
     assert groups_of(folder).names() == ("eyes",)
-    assert "starts what is off" not in run(folder, "doctor")
+    assert "starts them" not in run(folder, "doctor")
     assert f"Started below {slice_of(folder)}: none, as none was off." in run(folder, "start", "--boot")
 
 
@@ -103,7 +103,7 @@ def test_kernel_refusal_leads_to_doctor(folder: Path, monkeypatch: pytest.Monkey
         patched.setattr(type(groups_of(folder)), "write", refuse)
         refused = run(folder, "apply", "--auto-approve", ends=1)
 
-    assert "See what this kernel lacks: `rarms doctor`" in refused
+    assert "Check the kernel: `rarms doctor`" in refused
     run(folder, "doctor")
     run(folder, "apply", "--auto-approve")
     assert groups_of(folder).read("eyes").memory == 96 * 2**20

@@ -68,7 +68,7 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert tree.names() == ()
 
     shown = rarms("show", "--script", *where)
-    assert "A Linux host has no script, so onboard has none" in " ".join(shown.err.split())
+    assert "Linux hosts do not have scripts (onboard)" in " ".join(shown.err.split())
 
 
 @pytest.mark.needs("control-groups")

@@ -35,10 +35,10 @@ FINDING_PAGES = sorted((DOCS / "findings").glob("*.md"))
 BLOCK = re.compile(r"^ *```console\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 YAML = re.compile(r"^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SHOWN = re.compile(
-    r"^ *(?P<prompt>\$|(?:\[(?P<guest>[\w-]+)\]: )?PS>) (?P<typed>.*?)(?:\s+# (?:ends with (?P<code>\d+))?.*)?$",
+    r"^ *(?P<prompt>\$|(?:\[(?P<guest>[\w-]+)\]: )?PS>) (?P<typed>.*?)(?:\s+# (?:exits (?P<code>\d+))?.*)?$",
     re.MULTILINE,
 )
-COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:ends with (\d+))?.*)?$", re.MULTILINE)
+COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:exits (\d+))?.*)?$", re.MULTILINE)
 RECOMMENDED = re.compile(r"`(rarms [a-z][^`]*)`")
 
 ELSEWHERE = {
@@ -81,8 +81,9 @@ def with_a_cell() -> None:
 def on_a_bare_server() -> None:
     """The page's own manifest, and a server whose guests will have its program."""
     copy_files(CHECKOUT / "manifests" / "hyperv-cell", Path("manifests", "hyperv-cell"))
-    (manifest,) = YAML.findall((DOCS / "hyperv.md").read_text(encoding="utf-8"))
+    manifest, _, rehearsal = YAML.findall((DOCS / "hyperv.md").read_text(encoding="utf-8"))
     Path("rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    Path("rehearse.yaml").write_text(rehearsal, encoding="utf-8", newline="\n")
     server = a_bare_server(Path("manifests", "hyperv-cell", "host.json"), "D:\\images\\windows-iot.vhdx")
     server.programs = {"track.exe": Program(work_ms=20), "powershell.exe": Program(work_ms=500, line="calibrated")}
     powershell.save(Path(), server)
@@ -119,7 +120,7 @@ def test_every_page_with_commands_is_run() -> None:
     at_windows = [found["typed"] for page in PAGES for found in SHOWN.finditer(blocks(page))]
 
     assert with_commands == set(PREPARED)
-    programs = {"rarms", "cd", "mkdir", "make", "pipx", "ansible-playbook", "ansible-pull"}
+    programs = {"rarms", "cd", "mkdir", "make", "pipx", "ansible-playbook", "ansible-pull", "rostopic", "sudo"}
     assert {shlex.split(command)[0] for command in commands} == programs
     assert all(any(command.startswith(start) for command in at_windows) for start in ELSEWHERE)
     assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
@@ -156,7 +157,7 @@ def run_here(command: str) -> int:
             Path(words[-1]).mkdir(parents=True)
         case _:
             assert program == "rarms"
-            if words == ["prove"]:  # pages are typed at a terminal, which there is none of here
+            if words[0] == "prove":  # pages are typed at a terminal, which there is none of here
                 words.append("--load-host")
             return rarms(*words).code
     return 0

@@ -23,8 +23,9 @@ def test_plan_in_readme_is_what_rarms_prints(tmp_path: Path) -> None:
 
     with chdir(applied_delivery_robot(tmp_path)):
         selected = rarms("select", "face-detection", "--at", "170 ms")
+        measured = rarms("measure", "face-detection", "--stop-partitions")
         with patch.dict(os.environ, {"COLUMNS": "80"}):
             planned = rarms("plan")
 
-    assert (selected.code, planned.code) == (0, 0)
+    assert (selected.code, measured.code, planned.code) == (0, 0, 0)
     assert PLAN.sub("plan", FINDINGS.sub("", planned.out)) == PLAN.sub("plan", shown)

@@ -194,7 +194,7 @@ def test_broken_connection_is_unknown_and_finished_later(remote: Remote) -> None
     lost = finish(running)
     assert lost.code == 1, lost
     assert "RARMS250" in lost.err
-    assert "Run `rarms apply`: it asks the host's own journal" in " ".join(lost.err.split())
+    assert "Run `rarms apply`: it reads the journal of the host" in " ".join(lost.err.split())
     remote.ask()
     finished = apply(remote)
     while finished.code == 3:  # the script there goes on until its next step
@@ -211,7 +211,7 @@ def test_host_changed_since_look_is_not_touched(remote: Remote) -> None:
     remote.ask()
 
     assert refused.code == 3, refused
-    assert "No step was done. Look with `rarms drift`, then make a new plan." in " ".join(refused.err.split())
+    assert "No step was done. Show the state with `rarms drift`, then make a new plan." in " ".join(refused.err.split())
     assert remote.rarms("drift").code == 5, "nothing of it is applied yet"
     change_manifest(remote, "logical_processors: 8", "logical_processors: 7")
     assert remote.rarms("plan", "--out", "new.json").code == 0
@@ -226,7 +226,7 @@ def test_machine_with_foreign_mark_is_adopted_as_recommended(remote: Remote) -> 
     remote.put(host)
 
     planned = remote.rarms("plan")
-    assert "adopt the right machine with `rarms import PARTITION --id ID`" in " ".join(planned.err.split())
+    assert "import the correct machine with `rarms import PARTITION --id ID`" in " ".join(planned.err.split())
     assert remote.rarms("import", "vision", "--id", vision.id, "--auto-approve").code == 0
     assert is_as_wanted(remote)
 
@@ -276,7 +276,7 @@ def test_silent_script_is_unknown(remote: Remote) -> None:
     lost = remote.rarms("apply", "plan.json", "--event-timeout", "1s")
 
     assert lost.code == 1, lost
-    assert "it said nothing for 1 s" in " ".join(lost.err.split())
+    assert "no output for 1 s" in " ".join(lost.err.split())
 
 
 def test_powershells_refusal_is_told(remote: Remote) -> None:

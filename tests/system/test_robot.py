@@ -146,7 +146,7 @@ def test_writable_code_and_other_versions_are_refused(folder: Path, robot_rarms:
     writable = run(folder, "plan")
     place.chmod(0o755)
     assert writable.code == 1
-    assert f"others than root may write to {INSTALLED}/{__version__}" in " ".join(writable.err.split())
+    assert f"users other than root may write to {INSTALLED}/{__version__}" in " ".join(writable.err.split())
 
     place.rename(robot_rarms / "0.0.9")
     others = [run(folder, command) for command in ("plan", "doctor")]
@@ -195,7 +195,7 @@ def test_robot_with_key_refuses_unsigned_plans_and_runs(
     assert signed.code == 0
 
 
-def test_a_full_disk_there_is_reported(folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_of_robot_is_reported(folder: Path, robot_rarms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = f"mkdir -p {STATE_FOLDER} && mount -t tmpfs -o size=4k,mode=700 none {STATE_FOLDER}"
     (folder / "full").mkdir()
     with a_server(folder / "full", lambda words: on_robot(robot_rarms, words, small)) as full:

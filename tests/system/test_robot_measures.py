@@ -123,12 +123,12 @@ def test_from_env_is_read_on_the_robot(robot: Robot, monkeypatch: pytest.MonkeyP
 
     assert ran.code == 0, ran.err
     assert refused.code == 1, "rarms starts there with an empty environment"
-    assert "Set HOME where rarms runs; on a Linux host over ssh, in /etc/rarms/environment." in " ".join(
+    assert "Set HOME in the environment of rarms; on a Linux host over ssh, in /etc/rarms/environment." in " ".join(
         refused.err.split()
     )
 
 
-def test_another_file_there_is_named(robot: Robot) -> None:
+def test_file_that_differs_on_robot_is_named(robot: Robot) -> None:
     (robot.there / "jobs.py").write_text(f"{JOBS}# another\n", encoding="utf-8")
 
     measured = robot.run("measure", "eyes")

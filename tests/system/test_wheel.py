@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.compiled import build_wheel, difference, run_in
 from rarms_iac.app.install_wheels import own_wheel
-from rarms_iac.storage.shipped import SHIPPED
+from rarms_iac.storage.shipped import SHIPPED, shipped_files
 from tests.needs import CHECKOUT
 
 
@@ -123,6 +124,27 @@ def test_wheel_that_rarms_makes_has_same_files(wheel: Path) -> None:
 
 def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:
     assert failures_of_main_job(Path(sys.executable).parent, tmp_path) == []
+
+
+@pytest.mark.needs("network", "venv", "c-compiler")
+def test_compiled_wheel_runs_same_jobs(tmp_path: Path) -> None:
+    zipfile.ZipFile(build_wheel(tmp_path)).extractall(tmp_path / "compiled")
+
+    plain, compiled = run_in(CHECKOUT, 5, 2_000), run_in(tmp_path / "compiled", 5, 2_000)
+
+    assert (plain.compiled, compiled.compiled) == (False, True)
+    assert min(map(len, plain.jobs.values())) >= 1
+    assert difference(plain, compiled) <= 1e-9
+
+
+def test_compiled_files_stay_out_of_wheel_for_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rarms_iac").mkdir()
+    for name in ("__init__.py", "fast.cpython-311-x86_64-linux-gnu.so", "fast.pyd"):
+        (tmp_path / "rarms_iac" / name).write_bytes(b"")
+    monkeypatch.setattr("rarms_iac.storage.shipped._PACKAGE", tmp_path / "rarms_iac")
+    monkeypatch.setattr("rarms_iac.storage.shipped.SHIPPED", ())
+
+    assert [name for name, _ in shipped_files()] == ["rarms_iac/__init__.py"]
 
 
 @pytest.mark.needs("network", "venv")

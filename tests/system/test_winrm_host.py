@@ -121,7 +121,7 @@ def test_kerberos_ticket_serves_without_user(remote: Remote) -> None:
     assert remote.rarms("plan").code == 0
 
 
-def test_it_is_not_measured_over_winrm(remote: Remote) -> None:
+def test_measuring_over_winrm_is_refused(remote: Remote) -> None:
     run = "run: { command: [app.exe], samples: { from: pattern, pattern: 'ms=([0-9.]+)' }, until: { samples: 10 } }"
     text = (remote.folder / "rarms.yaml").read_text(encoding="utf-8")
     text = text.replace(
@@ -133,5 +133,5 @@ def test_it_is_not_measured_over_winrm(remote: Remote) -> None:
     refused = remote.rarms("measure", "vision", "--from", "10%", "--to", "100%")
 
     assert refused.code == 1, refused
-    assert "cannot be measured over WinRM" in in_a_line(refused.err)
+    assert "cannot measure over WinRM" in in_a_line(refused.err)
     assert not remote.host.vms

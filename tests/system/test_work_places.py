@@ -149,7 +149,7 @@ def test_run_names_work_of_jobs_that_ended(tmp_path: Path) -> None:
 
     for group in elsewhere:
         group.rmdir()
-    assert "Processes of eyes left their group: python" in said.stdout + said.stderr
+    assert "Processes of eyes left their control group: python" in said.stdout + said.stderr
     assert "in /rarms-elsewhere" in said.stdout + said.stderr
 
 

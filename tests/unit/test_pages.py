@@ -85,7 +85,7 @@ def entries() -> dict[str, str]:
         word.strip("` "): message
         for words, message in rows
         for word in re.split(r", | \(|\)", words)
-        if words != "word"
+        if words != "term"
     }
 
 
@@ -96,7 +96,7 @@ def test_a_word_that_we_use_is_explained(word: str) -> None:
 
 def test_no_word_is_explained_twice() -> None:
     first = re.findall(r"^\| (.+?) \|", GLOSSARY.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    words = [word for word in first if word not in {"word", "---"}]
+    words = [word for word in first if word not in {"term", "---"}]
 
     assert sorted(set(words)) == sorted(words)
 
@@ -109,6 +109,7 @@ def test_there_are_templates_of_scripts_and_of_report() -> None:
         "bootstrap.ps1.j2",
         "loader.ps1.j2",
         "module.ps1.j2",
+        "observe.ps1.j2",
         "script.ps1.j2",
         "single.ps1.j2",
         "report.html.j2",

@@ -16,7 +16,7 @@ from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.rcss import CLASSES_VARIABLE, CannotJoin, robotic_task
 from rarms_iac.running.component import ComponentRun
-from rarms_iac.running.start import CannotStart, ProcessPlace, StartContext
+from rarms_iac.running.orders import CannotStart, ProcessPlace, StartContext
 from tests.builders import a_component
 from tests.needs import CHECKOUT
 from tests.planning import PLACES
@@ -27,7 +27,7 @@ if sys.platform == "linux":
 
 AVRT = CHECKOUT / ".cache" / "windows" / "avrt" / "avrt.dll"
 CLASSES = {"SpeechRecognition": {"priority": 21, "affinity": 1}, "Localization": {"priority": 99999, "affinity": 0}}
-EXPLAINED = {1550: "restart that", 1551: "task index 0", 1552: "leave the other first", 1314: "scheduling priority"}
+EXPLAINED = {1550: "restart that", 1551: "task index 0", 1552: "Leave it first", 1314: "scheduling priority"}
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def test_linux_account_lacks_a_named_privilege() -> None:
 def test_on_linux_variable_of_another_form_is_told(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CLASSES_VARIABLE, text)
 
-    with pytest.raises(CannotJoin, match="is not as rarms writes it"):
+    with pytest.raises(CannotJoin, match="cannot be read"):
         robotic_task("SpeechRecognition").__enter__()
 
 

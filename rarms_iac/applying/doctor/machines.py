@@ -73,8 +73,11 @@ def check_cpu_group(host: SeenHost) -> Iterator[Diagnostic]:
                 machine,
                 "{_title} on {host} is in the CPU group {group}. It gets only the "
                 "logical processors and the cap of its group; rarms counts it against the whole host.",
-                "Take it out of the group (`CpuGroups.exe SetVmGroup /VmName:NAME /GroupId:"
-                "00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for its reserve.",
+                (
+                    "Remove it from the group (`CpuGroups.exe SetVmGroup /VmName:NAME "
+                    "/GroupId:00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for "
+                    "its reserve."
+                ),
                 CPU_GROUP,
                 group=machine.cpu_group,
             )
@@ -87,8 +90,10 @@ def check_cluster(host: SeenHost) -> Iterator[Diagnostic]:
             yield _finding(
                 host,
                 machine,
-                "{_title} on {host} belongs to a failover cluster: it may move to another "
-                "host, or come from one, and takes its reserve along.",
+                (
+                    "{_title} on {host} belongs to a failover cluster. It may move to or from another host, with "
+                    "its reserve."
+                ),
                 "Keep robots' partitions out of the cluster. After a change of memory or devices run "
                 "`Update-ClusterVirtualMachineConfiguration`, and plan again after a move.",
             )
@@ -103,7 +108,7 @@ def check_machine_state(host: SeenHost) -> Iterator[Diagnostic]:
                 machine,
                 "{_title} on {host} is in a critical state: its storage cannot be reached. It "
                 "can only be turned off or removed.",
-                "Bring its storage back (a disk that is offline, full or disconnected), then look again.",
+                "Restore its storage (a disk is offline, full or disconnected), then run the same command again.",
                 state=machine.state.value,
             )
 
@@ -115,10 +120,15 @@ def check_guest_answers(host: SeenHost) -> Iterator[Diagnostic]:
             yield _finding(
                 host,
                 machine,
-                "{_title} on {host} runs, and its guest does not answer: it cannot be asked to "
-                "shut down, and nothing can be started in it.",
-                "Wait until it has booted. Otherwise look on the host (`Get-VMIntegrationService`: what is off, "
-                "`Enable-VMIntegrationService` turns on) and in the guest (services vmicshutdown and vmicvmsession).",
+                (
+                    "{_title} on {host} runs, but its guest does not respond. rarms cannot shut it down or start "
+                    "programs in it."
+                ),
+                (
+                    "Wait until it has booted. Otherwise check the integration services on the host "
+                    "(`Get-VMIntegrationService`, `Enable-VMIntegrationService`) and the services vmicshutdown and "
+                    "vmicvmsession in the guest."
+                ),
             )
 
 
@@ -134,7 +144,7 @@ def check_machine_width(host: SeenHost) -> Iterator[Diagnostic]:
                 machine,
                 "{_title} has {processors} virtual processors, {host} {host_lp} logical "
                 "ones: the hypervisor does not guarantee its reserve{_lost}.",
-                f"Give it at most {available} processors while it is off.",
+                f"Turn it off, and give it at most {available} processors.",
                 processors=count,
                 host_lp=available,
                 _lost=lost,

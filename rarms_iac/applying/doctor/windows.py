@@ -58,9 +58,11 @@ def check_hypervisor(host: SeenHost) -> Iterator[Diagnostic]:
     elif condition.hypervisor_running is False:
         yield LACKS.of_host(
             host.name,
-            "{host} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
-            "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
-            "firmware (VT-x or AMD-V, and NX), then restart the host.",
+            "{host} has the role Hyper-V, but Windows started without the hypervisor. No machine can start.",
+            (
+                "Run `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt. Turn on virtualization in "
+                "the firmware (VT-x or AMD-V, and NX). Restart the host."
+            ),
             role=True,
         )
 
@@ -71,8 +73,10 @@ def check_elevation(host: SeenHost) -> Iterator[Diagnostic]:
         group = " as a member of Hyper-V Administrators" if host.condition.hyperv_administrator else ""
         yield NOT_ELEVATED.of_host(
             host.name,
-            "{host} was looked at{_group} without elevation: that is enough to plan, and scripts that change "
-            "the host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
+            (
+                "{host} was read{_group} without elevation. This is enough to plan. To change the host, scripts "
+                "also write to HKLM and %ProgramData%\\rarms, which only administrators may."
+            ),
             prose(
                 "Run ",
                 APPLY,
@@ -94,7 +98,7 @@ def check_free_memory(host: SeenHost) -> Iterator[Diagnostic]:
     if available is not None and wanted > available:
         yield LITTLE_MEMORY.of_host(
             host.name,
-            "{host} has {_has} of memory for machines left, and {_names} {_verb} {_needs} to start.",
+            "{host} has {_has} of memory left for machines, but {_names} {_verb} {_needs} to start.",
             "Stop other programs and machines there, give partitions less memory in the manifest, or add memory to the "
             "host.",
             partitions=tuple(machine.settings.name for machine in off),
@@ -112,8 +116,10 @@ def check_counters(host: SeenHost) -> Iterator[Diagnostic]:
     if host.condition.counters is False and host.condition.hypervisor_running:
         yield NO_COUNTERS.of_host(
             host.name,
-            "{host}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
-            "whether a partition got its reserve.",
+            (
+                "{host}: WMI does not have the counters of the hypervisor's logical processors. They show "
+                "whether a partition gets its reserve."
+            ),
             "Register them again, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
         )
 
@@ -123,9 +129,11 @@ def check_running_script(host: SeenHost) -> Iterator[Diagnostic]:
     if host.condition.script_running:
         yield SCRIPT_RUNNING.of_host(
             host.name,
-            "{host}: a script of rarms is running there (it has %ProgramData%\\rarms\\owner.txt open, which "
-            "says whose it is): what was seen may be half of what it does.",
-            "Wait until it has ended, then look again.",
+            (
+                "{host}: a script of rarms is running there (%ProgramData%\\rarms\\owner.txt has its owner). The "
+                "host may have been read in the middle of its changes."
+            ),
+            "Wait until it has ended, then run the same command again.",
         )
 
 
@@ -146,7 +154,7 @@ def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
     yield RESPONSIVENESS_VALUE.of_host(
         host.name,
         "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` depend on it.",
-        "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
+        "Set a DWORD of 10, 20, ... 90 and restart the host. With 20, other threads keep a fifth of a processor.",
         value=str(value.data),
         type=value.kind.value,
         taken_percent=effective,
@@ -166,7 +174,7 @@ def check_module(host: SeenHost) -> Iterator[Diagnostic]:
     if host.condition.module == ():
         yield LACKS.of_host(
             host.name,
-            "{host}: its PowerShell has no module Hyper-V.",
+            "{host}: PowerShell does not have the module Hyper-V.",
             "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
             "-IncludeManagementTools`), on a client Windows the feature "
             "`Microsoft-Hyper-V-Management-PowerShell`.",
@@ -179,10 +187,14 @@ def check_core_scheduler(host: SeenHost) -> Iterator[Diagnostic]:
     if facts.smt and facts.scheduler is SchedulerType.CORE:
         yield CORE_SCHEDULER.of_host(
             host.name,
-            "{host} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
-            "processor of a machine without SMT of its own takes both its threads.",
-            "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2). Plans "
-            "count whole cores.",
+            (
+                "{host} has SMT and the core scheduler. Machines never share a core. A virtual processor takes "
+                "both threads of a core if its machine does not use SMT."
+            ),
+            (
+                "Give partitions an even number of processors, and set HwThreadCountPerCore to 0 or 2. Plans "
+                "count whole cores."
+            ),
             scheduler=facts.scheduler.value,
         )
 
@@ -227,13 +239,19 @@ def check_execution_policy(host: SeenHost) -> Iterator[Diagnostic]:
 
 def _policy_finding(host: SeenHost, problem: str, *, is_group_policy: bool) -> Diagnostic:
     if is_group_policy:
-        effect = "Group policy outranks what rarms starts PowerShell with: its scripts do not run there unsigned."
-        advice = "Have the group policy allow RemoteSigned on this host, or put signed scripts into .rarms/signed."
+        effect = (
+            "The group policy has priority over the policy that rarms starts PowerShell with. Unsigned "
+            "scripts do not run."
+        )
+        advice = "Allow RemoteSigned on this host in the group policy, or put signed scripts into .rarms/signed."
     else:
-        effect = "`rarms apply` starts scripts with a policy of their own and is not concerned; a person is."
+        effect = (
+            "`rarms apply` is not affected, because it sets the policy of its own processes. Scripts that "
+            "you start by hand are."
+        )
         advice = (
-            "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`; "
-            "`Unblock-File SCRIPT` first where it came by mail or a browser, which mark it."
+            "Start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`. If the "
+            "script came by mail or a browser, first run `Unblock-File SCRIPT`."
         )
     return EXECUTION_POLICY.of_host(
         host.name,
@@ -250,8 +268,10 @@ def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
     if bits is not None and bits < 64:
         yield LACKS.of_host(
             host.name,
-            "{host} was looked at by a PowerShell of {bits} bits: Windows shows it another part of the "
-            "registry, so its task classes are not those that count.",
+            (
+                "{host} was read with a PowerShell of {bits} bits. Windows shows it another part of the "
+                "registry, so the task classes are wrong."
+            ),
             "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
             "SysWOW64 or of a 32-bit program.",
             bits=bits,
@@ -264,9 +284,14 @@ def check_minroot(host: SeenHost) -> Iterator[Diagnostic]:
     if visible is not None and visible != total:
         yield MINROOT.of_host(
             host.name,
-            "{host}: its own Windows sees {seen_lp} logical processors, the hypervisor has {host_lp}. "
-            "Machines may still run on those of the host.",
-            "Nothing, if `bcdedit /set hypervisorrootproc` is meant; components with `runs_on: host` have only these.",
+            (
+                "{host}: its own Windows has {seen_lp} logical processors, the hypervisor {host_lp}. Machines "
+                "may still run on all of them."
+            ),
+            (
+                "No action is needed if `bcdedit /set hypervisorrootproc` is set on purpose. Components with "
+                "`runs_on: host` have only these processors."
+            ),
             host_lp=total,
             seen_lp=visible,
         )
@@ -278,8 +303,10 @@ def check_unread_probes(host: SeenHost) -> Iterator[Diagnostic]:
         yield UNREAD_PROBE.of_host(
             host.name,
             "{host}: {subject} could not be read: {reason}.",
-            "Look again as a member of Administrators in an elevated PowerShell; what the host does not have is no "
-            "problem.",
+            (
+                "Run this as a member of Administrators in an elevated PowerShell. If the host does not have "
+                "this part, no action is needed."
+            ),
             subject=subject,
             reason=why,
         )

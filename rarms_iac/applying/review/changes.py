@@ -1,23 +1,23 @@
 """Reviews of single changes and steps: what is refused, stopped, shrunk or lost."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rarms_iac.applying.desired_hosts import disk_verdicts, partition_after_change
 from rarms_iac.applying.doctor.machines import UNFIT_MACHINE
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.drift import drift_of_marks
-from rarms_iac.model.changes import Delete, Update
+from rarms_iac.model.changes import Change, Delete, Update
 from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
 from rarms_iac.model.diagnostics import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME, Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
-from rarms_iac.model.state import Partition, Tie
-from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.state import Partition, StartAction, Tie
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.mechanism import has_switch, takes_image
 from rarms_iac.planner.sizes import limit_in_manifest
+from rarms_iac.texts.messages import suggestion
 
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")
 MEMORY_SHRINKS = Finding.warning("RARMS220", "A change takes memory from a partition")
@@ -27,6 +27,7 @@ NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be undone")
 NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
+STARTS_WITH_HOST = Finding.note("RARMS407", "A start with the host gets no larger reservation")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
 
 
@@ -41,13 +42,33 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
         if address is not None:
             yield CHANGED_OUTSIDE.at(
                 addresses[address].reason.place,
-                "{resource} on {host}: {difference}. This plan makes it as the manifest wants it.",
-                prose("Find out who did it: ", DRIFT, " shows what differs, ", HISTORY, " what rarms itself did."),
+                "{resource} on {host}: {difference}. This plan restores the value of the manifest.",
+                prose("Find out who did it: ", DRIFT, " shows the differences, ", HISTORY, " the changes of rarms."),
                 address=str(drift.address),
                 host=desired.host,
                 resource=str(drift.address),
                 difference=drift.message,
             )
+
+
+def review_starts(plan: HostPlan) -> Iterator[Diagnostic]:
+    """Tell which partitions have more for a start by rarms and no more when they start with their host."""
+    names = {step.address.partition: step.place for step in plan.steps if step.wait_ms}
+    for change in plan.changes:
+        after, name = partition_after_change(change), change.address.partition
+        if after is None or name not in names or after.settings.start_action is not StartAction.START:
+            continue
+        yield STARTS_WITH_HOST.at(
+            names[name],
+            (
+                "{partition} gets `starting.reserve` only when rarms starts it. When it starts with {host}, it "
+                "has its normal reservation."
+            ),
+            "Restart the host, and test whether the components meet their thresholds.",
+            address=f"partition/{name}",
+            partition=name,
+            host=plan.name,
+        )
 
 
 def review_images_and_switches(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
@@ -62,9 +83,11 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
     if not takes_image(creation.generation, creation.image):
         yield GENERATION.at(
             step.place,
-            '"{partition}" is to be of generation 2, and its disk would grow out of {image}: a child has '
-            "its parent's format, and generation 2 takes .vhdx only.",
-            "Convert the image (`Convert-VHD`) and name the .vhdx, or say `generation: 1` for this partition.",
+            (
+                '"{partition}" has generation 2, which needs .vhdx disks, but its disk would be a child of '
+                "{image} and have that format."
+            ),
+            "Convert the image to .vhdx (`Convert-VHD`), or write `generation: 1` for this partition.",
             address=str(step.address),
             partition=creation.partition,
             generation=creation.generation,
@@ -79,9 +102,8 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
     known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
     yield UNKNOWN_NAME.at(
         step.place,
-        '"{partition}" is to be connected to the virtual switch {switch:quoted}, which {host} does not '
-        "have.{_suggestion} {_known}",
-        "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
+        '{host} does not have the virtual switch {switch:quoted} of "{partition}".{_suggestion} {_known}',
+        "Write an existing switch in `hyperv.switch`, or create it on the host first (`New-VMSwitch`).",
         address=str(step.address),
         partition=creation.partition,
         switch=creation.switch,
@@ -92,13 +114,13 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
     )
 
 
-def review_tied_machines(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
+def review_tied_machines(system: System, changes: Iterable[Change]) -> Iterator[Diagnostic]:
     """Refuse to change a replica, and a machine of a CPU group or cluster where its partition does not say so."""
-    for change in plan.changes:
+    for change in changes:
         before = change.before
         if not isinstance(before, Partition):
             continue
-        partition = request.system.partitions.get(change.address.partition)
+        partition = system.partitions.get(change.address.partition)
         is_clustered = partition is not None and bool(partition.hyperv.clustered) and not isinstance(change, Delete)
         for tie in before.ties:
             if tie is Tie.CLUSTER and is_clustered:
@@ -117,14 +139,14 @@ def review_tied_machines(request: PlanRequest, plan: HostPlan) -> Iterator[Diagn
 
 
 _TIES = {
-    Tie.REPLICA: ("is a replica of a machine on another host", "Plan for the host of its primary."),
+    Tie.REPLICA: ("is a replica of a machine on another host", "Plan for the host of the primary machine."),
     Tie.CLUSTER: (
         "belongs to a failover cluster, which keeps a copy of its settings and may move it",
-        "Take it out of the cluster; or say `hyperv: {clustered: true}` for its partition, to change it all the same.",
+        "Remove it from the cluster. To change it anyway, write `hyperv: {clustered: true}` for its partition.",
     ),
     Tie.CPU_GROUP: (
-        "is in a CPU group: its reserve is a part of what the group has, and not of what the host has",
-        "Take it out of the group (`CpuGroups.exe SetVmGroup`) and plan again.",
+        "is in a CPU group: its reserve is a share of the group, not of the host",
+        "Remove it from the group (`CpuGroups.exe SetVmGroup`) and plan again.",
     ),
 }
 
@@ -144,8 +166,8 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
             case Update(before=Partition() as before, after=Partition()):
                 yield RESTART.at(
                     change.reason.place,
-                    '"{partition}" runs, and it is stopped for this: {reason}.',
-                    "Apply when its components may rest, or hold it back with `--max-disruption live`.",
+                    '"{partition}" is running and has to stop: {reason}.',
+                    "Apply it in a maintenance window, or hold it back with `--max-disruption live`.",
                     address=str(change.address),
                     partition=before.settings.name,
                     reason=change.reason.message,
@@ -156,9 +178,11 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
         if isinstance(step.operation, StopPartition) and step.address in live:
             yield RESTART.at(
                 step.place,
-                '"{partition}" runs, and it is stopped for a while: {reason}.',
-                "Apply when its components may rest, or make room otherwise: a smaller reserve, or fewer changes at "
-                "once with `--target`.",
+                '"{partition}" is running and has to stop for a while: {reason}.',
+                (
+                    "Apply it in a maintenance window, or make room: lower a reserve, or make fewer changes at once "
+                    "with `--target`."
+                ),
                 address=str(step.address),
                 partition=step.address.partition,
                 reason=step.comment,
@@ -174,10 +198,14 @@ def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterat
         if isinstance(step.operation, StopPartition) and step.address.machine in mute:
             yield NOT_ASKED.at(
                 step.place,
-                'The guest of "{partition}" does not answer to its shutdown service: its machine is turned '
-                "off without asking.",
-                "Install or start the integration service for shutdown in the guest, enable it for the machine "
-                "(`Enable-VMIntegrationService`), and plan again; or shut the guest down yourself.",
+                (
+                    'The shutdown service of the guest of "{partition}" does not respond, so its machine is turned '
+                    "off without a shutdown."
+                ),
+                (
+                    "Install or start the integration service for shutdown in the guest, enable it for the machine "
+                    "(`Enable-VMIntegrationService`), and plan again. Or shut the guest down yourself."
+                ),
                 address=str(step.address),
                 partition=step.address.partition,
             )
@@ -190,9 +218,11 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
                 yield MEMORY_SHRINKS.at(
                     change.reason.place,
-                    '"{partition}" has {has_memory:bytes} and gets {gets_memory:bytes}: what its guest and '
-                    "its components use beyond that is swapped out, or they fail to start.",
-                    "Look at what its guest uses at most, and measure its components again with the new size.",
+                    (
+                        '"{partition}" has {has_memory:bytes} and gets {gets_memory:bytes}. If its guest and its '
+                        "components use more, the guest swaps or they fail to start."
+                    ),
+                    "Check the highest memory use of its guest, and measure its components again with the new size.",
                     address=str(change.address),
                     partition=old.name,
                     has_memory=old.memory,
@@ -214,7 +244,7 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
                 '"{partition}" is limited to {limit_percent} % of each of its VPs, and its reserve needs '
                 "{reserve_percent} % of each: the plan raises the limit to that, and the partition never "
                 "gets more.",
-                "Raise the limit, or remove it: what was measured without one holds without one.",
+                "Raise the limit or remove it: measurements without a limit are valid only without one.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 limit_percent=limit,
@@ -228,10 +258,14 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
         if isinstance(step.operation, RemoveDisk):
             yield DISK_REMOVED.at(
                 step.place,
-                "{disk} of {partition} on {host} is deleted after its machine was removed: what was "
-                "written since it was made from {parent} is lost.",
-                "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
-                "leave out --remove-disks.",
+                (
+                    "{disk} of {partition} on {host} is deleted with its machine. All data written since it was "
+                    "created from {parent} is lost."
+                ),
+                (
+                    "Copy the data that you need first: `rarms undo` cannot restore it. To keep the disk, omit "
+                    "--remove-disks."
+                ),
                 address=f"partition/{step.address.partition}",
                 disk=step.operation.path,
                 parent=step.operation.parent,
@@ -246,7 +280,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
                 yield DISK_STAYS.at(
                     change.reason.place,
                     "{disk} of {partition} on {host} is kept: {reason}.",
-                    "Look at what is on it, and delete it by hand when it is not needed.",
+                    "Check its content, and delete it by hand if it is not needed.",
                     address=str(change.address),
                     disk=disk.path,
                     partition=change.address.partition,
@@ -266,11 +300,11 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
         if isinstance(step.operation, RemovePartition) and disks:
             yield DISKS_STAY.at(
                 step.place,
-                '"{partition}" is removed from {host}, and its virtual disks stay: {_join}.',
+                '"{partition}" is removed from {host}. Its virtual disks are kept: {_join}.',
                 prose(
-                    "Delete by hand what is not needed, or let ",
+                    "Delete by hand the disks that are not needed, or let ",
                     command("destroy", remove_disks=True),
-                    " delete what rarms made.",
+                    " delete the disks that rarms created.",
                 ),
                 address=str(step.address),
                 partition=step.address.partition,
@@ -289,7 +323,7 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
             yield NOT_UNDONE.at(
                 step.place,
                 "{resource}, {step}: {reason}.",
-                "Save what is needed before it is applied: `rarms undo` and the undo script leave this as it is.",
+                "Save what you need before you apply: `rarms undo` and the undo script cannot restore it.",
                 address=str(step.address),
                 resource=str(step.address),
                 step=step.title,
@@ -305,8 +339,10 @@ def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
         if partition is not None and (after := partition.settings).processors > available:
             yield UNFIT_MACHINE.at(
                 change.reason.place,
-                '"{partition}" is to have {processors} virtual processors, and {host} has {has_lp} logical '
-                "ones: it can never run on all of them at once.",
+                (
+                    '"{partition}" has {processors} virtual processors, but {host} has only {has_lp} logical ones. '
+                    "They cannot all run at once."
+                ),
                 f"Give it at most {available}: `processors: {available}`.",
                 address=str(change.address),
                 partition=after.name,

@@ -8,6 +8,7 @@ from rarms_iac.applying.desired_hosts import partition_after_change, partitions_
 from rarms_iac.applying.doctor.machines import check_cpu_group, check_unequal_processors
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.model.capacity import packs_by_first_fit
+from rarms_iac.model.changes import Change
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import NEIGHBOURS, NO_ORDER, Diagnostic, Finding
@@ -15,6 +16,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import guaranteed, show_amount, show_bytes, show_processors
+from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import counted, in_a_row, list_names
@@ -44,9 +46,11 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
         )
         yield SMT_COSTS.of_host(
             desired.host,
-            "The core scheduler of {host} runs one machine on a core at a time. What is reserved for "
-            "{_names} keeps so much idle next to it, because the number of virtual processors is odd, or the "
-            "machine has no SMT itself.",
+            (
+                "The core scheduler of {host} runs one machine on a core at a time. The reservation of {_names} "
+                "leaves as much idle again, because the number of virtual processors is odd or the machine does "
+                "not use SMT."
+            ),
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
             partitions=tuple(costs),
             idle_lp=float(load_of(costs.values()).idle_processors),
@@ -66,8 +70,10 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
             name = partition.settings.name
             yield NO_MEMORY_LEFT.at(
                 change.reason.place,
-                '"{partition}" is to have {_show_bytes}, and the largest NUMA node of {host} has '
-                "{_show_bytes_}: NUMA spanning is off there, so that no machine may lie on two nodes.",
+                (
+                    '"{partition}" needs {_show_bytes}, but the largest NUMA node of {host} has {_show_bytes_}. '
+                    "NUMA spanning is off, so a machine must fit on one node."
+                ),
                 "Give it less `memory`, or allow spanning (`Set-VMHost -NumaSpanningEnabled $true`, then restart the "
                 "service vmms) and plan again.",
                 address=str(change.address),
@@ -80,21 +86,21 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
             )
 
 
-def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
+def review_memory_left(seen: SeenHost, changes: Sequence[Change]) -> Iterator[Diagnostic]:
     """Find machines that cannot start because memory is not free: 0x800705AA (windows.md 5)."""
-    before = {change.address: _running_memory(change.before) for change in plan.changes}
-    after = {change.address: _running_memory(partition_after_change(change)) for change in plan.changes}
+    before = {change.address: _running_memory(change.before) for change in changes}
+    after = {change.address: _running_memory(partition_after_change(change)) for change in changes}
     more = {address: memory - before[address] for address, memory in after.items() if memory > before[address]}
     freed = sum(max(0, memory - after[address]) for address, memory in before.items())
-    host_left, node = desired.seen.state.memory_left, desired.seen.state.node_left
+    host_left, node = seen.memory_left, seen.state.node_left
     if host_left is not None and sum(more.values()) > host_left + freed:
-        yield _no_memory_left(desired.host, {str(address): each for address, each in more.items()}, host_left, freed)
+        yield _no_memory_left(seen.name, {str(address): each for address, each in more.items()}, host_left, freed)
         return
-    largest = desired.seen.state.largest_node
+    largest = seen.state.largest_node
     if node is None or largest is None:
         return
     most = min(largest, node + freed)  # freed memory may be on any node
-    for change in plan.changes:
+    for change in changes:
         memory = after[change.address]
         if change.address in more and most < memory <= largest:
             yield NO_MEMORY_LEFT.at(
@@ -107,7 +113,7 @@ def review_memory_left(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]
                 partition=change.address.partition,
                 memory=memory,
                 left=most,
-                host=desired.host,
+                host=seen.name,
                 _show_bytes=show_bytes(memory, most),
                 _show_bytes_=show_bytes(most, memory),
             )
@@ -155,21 +161,23 @@ def review_unequal_processors(request: PlanRequest, desired: Desired) -> Iterato
             yield replace(finding, place=request.places.key("hosts", desired.host))
 
 
-def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
+def review_script_placement(seen: SeenHost, changes: Sequence[Change]) -> Iterator[Diagnostic]:
     """Report placements that a Hyper-V script, which places the largest reserve first, cannot find.
 
     A plan that its script would stop half-way is refused before.
     """
-    if plan.host.provider is not ProviderKind.HYPERV or not plan.changes:
+    if seen.host.provider is not ProviderKind.HYPERV or not changes:
         return
-    partitions = partitions_after(desired.seen.state, request.application, plan.changes)
+    partitions = partitions_after(seen.state, seen.application, changes)
     managed = [partition.claim for partition in partitions if partition.settings.running]
-    claims = (*desired.seen.claims, *managed)
-    if managed and not packs_by_first_fit(claims, desired.seen.capacity):
+    claims = (*seen.claims, *managed)
+    if managed and not packs_by_first_fit(claims, seen.capacity):
         yield NO_ORDER.of_host(
-            desired.host,
-            "On {host} the virtual processors fit only if they are placed cleverly. A script places the "
-            "largest reserve first, finds no place for one of them, and would stop half-way.",
+            seen.name,
+            (
+                "On {host}, the virtual processors fit only in a certain order. A script starts the largest "
+                "reserve first, would not find room for one of them, and would stop before it has finished."
+            ),
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
         )
 
@@ -205,10 +213,12 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     if losers:
         yield UNMANAGED_GETS_LESS.of_host(
             desired.host,
-            "Machines on {host} that {application} does not manage stay as they are, and get less while "
-            "all are busy: {_join}.",
+            (
+                "These machines on {host} are not managed by {application}. They are not changed, but get less "
+                "processor time under full load: {_join}."
+            ),
             prose(
-                "If one has to answer in time, give it a reserve first, or take it in: ",
+                "If one of them has deadlines, give it a reserve first, or import it: ",
                 command("import", "PARTITION", id="ID"),
                 ".",
             ),
@@ -241,9 +251,8 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
         concerned = sorted({system for names in systems.values() for system in names})
         yield NEIGHBOURS.of_host(
             desired.host,
-            "On {host}, threads of {_join} run above robotic ones in {_join_}, when a program joins these classes.",
-            "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
-            "they are.",
+            "On {host}, programs in the classes {_join} have priority over the robotic threads in {_join_}.",
+            "Do not play or record sound or video in these systems. rarms does not change the classes.",
             _join=", ".join(sorted(systems)),
             _join_=", ".join(concerned),
         )
@@ -289,7 +298,7 @@ _REMOVE = "Remove the limit."
 
 
 def review_limits_without_effect(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
-    """Note each limit that another one replaces, that its partition does not get, or that is no less than its VPs."""
+    """Note each limit that another one replaces, that its partition does not get, or that is all of its VPs."""
     system = request.system
     blocks = [each.cpu for each in system.components.values()] + [each.cpu for each in system.partitions.values()]
     if not any(block.limit for block in blocks):

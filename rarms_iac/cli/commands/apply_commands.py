@@ -33,19 +33,18 @@ from rarms_iac.cli.command import name_manifest, rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
-from rarms_iac.model.commands import STATUS
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.plan import Purpose
+from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.run import undo_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ApplyOptions:
-    """What is applied, and what follows."""
+    """Options of `rarms apply` alone."""
 
     plan_file: str | None = argument("[PLAN]", default=None)
-    proving: bool = flag("--prove", help="Then run all components in the layout: rarms prove.")
+    proving: bool = flag("--prove", help="Run `rarms prove` afterwards.")
     load_host: bool = load_host_option()
     abandoning: bool = flag("--abandon", help="Close an unfinished run and leave the host as it is.")
 
@@ -74,27 +73,10 @@ def apply_command(
         raise RequestError("--load-host is for --prove.")
     if options.plan_file is not None:
         if options.abandoning or host_selection.hosts or limits.targets or limits.max_disruption:
-            raise RequestError(
-                "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon."
-            )
-        plan = read_plan_file(options.plan_file)
-        manifest_source = manifest_of(plan, source, is_named=_is_named())
-        if not source.overlays:
-            name_manifest(session, manifest_source, in_advice=_is_named() or plan.manifest != DEFAULT_MANIFEST)
-        refuse_contradiction(plan, manifest_source)
-        notes = changed_manifest(plan, manifest_source)
-        tell(session.terminal, notes)
-        folder = folder_of(source.manifest) if _is_named() else None
-        report = apply_and_show(session, plan, folder, how)
-        told = replace(report, findings=(*notes, *report.findings))
-        following = None if options.proving or plan.purpose is not Purpose.APPLY else STATUS
-        code = report_end(session, told, shown=notes, following=following)
-        if not options.proving:
-            return code
-        planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
-        return _then_prove(session, manifest_source, planned, how, code)
+            raise RequestError("A PLAN cannot be combined with --host, --target, --max-disruption or --abandon.")
+        return _apply_file(session, read_plan_file(options.plan_file), source, how, proving=options.proving)
     if options.proving and options.abandoning:
-        raise RequestError("--abandon applies nothing that could be proven.")
+        raise RequestError("--abandon cannot be combined with --prove.")
     hosts = hosts_to_apply(source, host_selection)
     live = tuple(hosts.open(name) for name in hosts.chosen) if isinstance(hosts, Hosts) else hosts
     if options.abandoning:
@@ -104,6 +86,24 @@ def apply_command(
     else:
         code = report_end(session, finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING))
     return _then_prove(session, source, host_selection, how, code) if options.proving else code
+
+
+def _apply_file(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, proving: bool) -> ExitCode:
+    """Apply a plan as it was reviewed, and prove it if that is asked for."""
+    manifest_source = manifest_of(plan, source, is_named=_is_named())
+    if not source.overlays:
+        name_manifest(session, manifest_source, in_advice=_is_named() or plan.manifest != DEFAULT_MANIFEST)
+    refuse_contradiction(plan, manifest_source)
+    notes = changed_manifest(plan, manifest_source)
+    tell(session.terminal, notes)
+    folder = folder_of(source.manifest) if _is_named() else None
+    report = apply_and_show(session, plan, folder, how)
+    told = replace(report, findings=(*notes, *report.findings))
+    code = report_end(session, told, shown=notes)
+    if not proving:
+        return code
+    planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
+    return _then_prove(session, manifest_source, planned, how, code)
 
 
 def _then_prove(
@@ -123,7 +123,7 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> E
     reports = abandon_runs(live, waits=how.waits)
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
-            session.terminal.tell(f"{name}: the unfinished run is closed, and the host stays as it is.")
+            session.terminal.tell(f"{name}: closed the unfinished run. The host was not changed.")
     return report_end(session, combined_report(reports.values()))
 
 
@@ -133,10 +133,10 @@ def _is_named() -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UndoOptions:
-    """What an undo leaves as it is."""
+    """Options of `rarms undo` alone."""
 
     keep: bool = flag(
-        "--keep", help="Leave what the apply repaired: values of the manifest where others had changed them."
+        "--keep", help="Keep the values of the manifest that the apply restored after a change by another tool."
     )
 
 
@@ -147,7 +147,8 @@ def undo_command(
     """Undo the last apply, finished or not, the last step first.
 
     Shows the steps, what cannot be undone, and values that it sets again although rarms had not set them. Then it asks.
-    If hosts have different last applies, --host says which one is undone.
+    Machines that the apply made are removed, also those with `protect: true`. If hosts have different last applies,
+    --host says which one is undone.
     """
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
     keep = options.keep
@@ -156,7 +157,7 @@ def undo_command(
         if keep:
             refuse_keeping(applies)
         if not (how.auto_approve or session.terminal.answers):
-            raise RequestError("There is no terminal to ask at. Give --auto-approve.")
+            raise RequestError("rarms cannot ask: standard input is not a terminal. Give --auto-approve.")
         shown = _show_undo(session, applies, keep=keep)
         if not how.auto_approve:
             keep = _ask_undo(session, applies, keep=keep)
@@ -180,4 +181,4 @@ def _ask_undo(session: Session, applies: Sequence[LastApply], *, keep: bool) -> 
     if keep or not can_keep(applies):
         ask(session, "Undo this?")
         return keep
-    return ask(session, "Undo this? `keep` does it and keeps the manifest's values.", "keep") == "keep"
+    return ask(session, "Undo this? `keep` undoes it but keeps the values of the manifest.", "keep") == "keep"

@@ -19,7 +19,7 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.progress import FailureReporter, LiveSampleReporter
 from rarms_iac.views.questions import selection_text
-from rarms_iac.views.verdicts import proof_text
+from rarms_iac.views.verdicts import proof_text, stopped_proof
 
 
 @rarms_command("select")
@@ -64,20 +64,22 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
     control = Control(reporter=TerminalReporter(session), stop=session.interrupts)
     outcome = prove_layout(hosts, request, control)
     if outcome.stopped:
-        session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
+        if outcome.proofs:
+            session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
+        session.terminal.tell(stopped_proof(outcome, request, hosts.selection.hosts))
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
     if outcome.not_proven:
         session.terminal.tell(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
-    return ExitCode.NO if outcome.findings else ExitCode.DONE
+    return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExecOptions:
     """Whether rarms becomes the component."""
 
-    as_itself: bool = flag("--exec", help="Become the one COMPONENT: no samples, until it ends by itself.")
+    as_itself: bool = flag("--exec", help="Replace this process with the COMPONENT, without reading samples.")
 
 
 @rarms_command("run")

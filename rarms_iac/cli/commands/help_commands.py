@@ -16,7 +16,7 @@ from rarms_iac.views.json_output import json_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainOptions:
-    """What is explained."""
+    """Options of `rarms explain` alone."""
 
     subject: str = argument("FINDING|COMPONENT")
     guide: bool = flag("--guide", help="Show how to set COMPONENT up by hand: Hyper-V, MMCSS, Linux, in order.")
@@ -73,7 +73,7 @@ def _finding(session: Session, finding: str) -> ExitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SchemaOptions:
-    """Which schema."""
+    """Options of `rarms schema` alone."""
 
     name: Literal["manifest", "overlay", "plan", "snapshot", "output", "datalog"] = argument(
         "[manifest|overlay|plan|snapshot|output|datalog]", default="manifest"

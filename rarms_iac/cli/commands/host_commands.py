@@ -31,7 +31,7 @@ class DoctorOptions:
     """A second answer of the doctor."""
 
     report: str | None = option(
-        "--report", metavar="FILE", help="Write a new file for an issue, too: what was seen, without names or secrets."
+        "--report", metavar="FILE", help="Also write a file for a bug report, without names and secrets."
     )
 
 
@@ -53,7 +53,7 @@ def doctor_command(
     examined = examine_hosts(hosts)
     if file.report is not None:
         write_new_file(file.report, json_of(report_examinations(hosts, examined)).encode("ascii"))
-        session.terminal.tell(f"Wrote {file.report}: no names and no secrets. Send it with an issue.")
+        session.terminal.tell(f"Wrote {file.report}, without names and secrets. Attach it to a bug report.")
     write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest))
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
@@ -89,7 +89,7 @@ def drift_command(session: Session, source: ManifestSource, host_selection: Snap
     session.answer(lambda: json_of(report), lambda: drift_text(report))
     for host, plan in report.unfinished.items():
         session.terminal.tell(
-            f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as not applied."
+            f"{host}: a run of plan {plan} is unfinished. Its remaining steps are listed as not applied."
         )
     if any(host.host_changed for host in report.hosts):
         return ExitCode.FOUND
@@ -98,12 +98,10 @@ def drift_command(session: Session, source: ManifestSource, host_selection: Snap
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotOptions:
-    """Where it goes, or the script that makes it."""
+    """Options of `rarms snapshot` alone."""
 
-    out: str | None = option(
-        "--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number."
-    )
-    script: bool = flag("--script", help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
+    out: str | None = option("--out", metavar="PATH", help="A file for one host, or a folder for HOST.json of each.")
+    script: bool = flag("--script", help="Write the script that reads a Hyper-V host or a guest, to be run there.")
 
 
 @rarms_command("snapshot", json=False)
@@ -121,7 +119,7 @@ def snapshot_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     several = len(hosts.chosen) != 1
     if several and (out is None or Path(out).is_file()):
-        raise RequestError(f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder with --out.")
+        raise RequestError(f"There are {len(hosts.chosen)} hosts: choose one with --host, or give a folder with --out.")
     if several and out is not None:
         make_folder(out)
     into_folder = out is not None and Path(out).is_dir()
@@ -143,7 +141,7 @@ def _script(session: Session, out: str | None) -> ExitCode:
         return ExitCode.DONE
     path = (Path(out) / OBSERVE_NAME).as_posix() if Path(out).is_dir() else out
     write_file(path, text.encode("ascii"))
-    session.terminal.tell(f"Wrote {path}. Run it on the host as administrator, and take what it prints along:")
+    session.terminal.tell(f"Wrote {path}. Run it on the host as administrator, and copy its output:")
     session.terminal.talk(f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {Path(path).name} > host.json")
     session.terminal.tell("Plan from it with: rarms plan --snapshot HOST=host.json")
     return ExitCode.DONE

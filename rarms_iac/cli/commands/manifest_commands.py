@@ -23,11 +23,11 @@ from rarms_iac.views.json_output import json_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitOptions:
-    """Which manifest is written where."""
+    """Options of `rarms init`."""
 
     folder: str = argument("[FOLDER]", default=".")
-    name: str | None = option("--name", help="The application's name. [default: as the folder]")
-    tutorial: bool = flag("--tutorial", help="The manifest of the tutorial: what it asks for does not fit at first.")
+    name: str | None = option("--name", help="The application's name. [default: the name of the folder]")
+    tutorial: bool = flag("--tutorial", help="Write the manifest of the tutorial, which does not fit at first.")
 
 
 @rarms_command("init")
@@ -52,17 +52,17 @@ def init_command(session: Session, options: InitOptions) -> ExitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidateOptions(OutputOptions):
-    """What is checked, and how strictly."""
+    """Options of `rarms validate` alone."""
 
     files: tuple[str, ...] = argument("[FILE]...", default=())
-    strict: bool = flag("--strict", help="End with exit code 2 for warnings, too.")
+    strict: bool = flag("--strict", help="Exit with code 2 for warnings, too.")
 
 
 @rarms_command("validate")
 def validate_command(session: Session, options: ValidateOptions, source: DatedManifestSource) -> ExitCode:
     """Check manifests and say all that is wrong or odd: of the structure, and once that is right, of the meaning.
 
-    FILE is a manifest, an overlay (it is checked with the rarms.yaml beside or above it), a folder with any number of
+    FILE is a manifest, an overlay (it is checked with the rarms.yaml next to or above it), a folder with any number of
     both, or - for standard input; without, it is what --manifest names. No host is asked, and no program is started.
     Errors end with exit code 2; warnings and notes do not.
     """
@@ -87,11 +87,11 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FmtOptions(ManifestFile):
-    """What is formatted, and whether it is written."""
+    """Options of `rarms fmt`."""
 
     files: tuple[str, ...] = argument("[FILE]...", default=())
-    check: bool = flag("--check", help="Write nothing; exit code 2 where something would change.")
-    diff: bool = flag("--diff", help="Write nothing to the files; show what would change.")
+    check: bool = flag("--check", help="Write nothing; exit with code 2 if a file would change.")
+    diff: bool = flag("--diff", help="Show the changes without writing them.")
 
 
 @rarms_command("fmt")

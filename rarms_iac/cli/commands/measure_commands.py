@@ -18,6 +18,7 @@ from rarms_iac.cli.prompts import (
     measuring_control,
     refuse_standard_input,
     refuse_without_terminal,
+    with_attach_consent,
 )
 from rarms_iac.cli.session import Session
 from rarms_iac.measuring.level_prompt import SessionEnded, combine_if_wanted
@@ -34,15 +35,20 @@ from rarms_iac.views.tune import manifest_changes, tuned_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureOptions(StopOptions):
-    """Which settings (none: a search), and what is asked, written or shown meanwhile."""
+    """Options of `rarms measure` alone: settings (none: a search), and questions, files and output meanwhile."""
 
-    first: int | None = option("--from", metavar="PERCENT", read=read_percent, help="Measure from here, as 10%, ...")
+    first: int | None = option(
+        "--from",
+        metavar="PERCENT",
+        read=read_percent,
+        help="Measure each setting from this reservation, such as 10%, ...",
+    )
     last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="... to here ...")
-    step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... so far apart, all of it.")
+    step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... in steps of this size.")
     verbose: bool = verbose_option()
-    interactive: bool = flag("--interactive", help="Measure a coarse curve, and ask for the level that is good enough.")
-    script: bool = flag("--script", help="Show the PowerShell that would run on Hyper-V hosts; nothing is run.")
-    out: str | None = option("--out", metavar="FOLDER", help="With --script: write the exact bytes there.")
+    interactive: bool = flag("--interactive", help="Measure a coarse curve, then ask for the threshold.")
+    script: bool = flag("--script", help="Show the PowerShell for Hyper-V hosts without running it.")
+    out: str | None = option("--out", metavar="FOLDER", help="With --script: write the script to this file.")
 
 
 @rarms_command("measure")
@@ -69,12 +75,13 @@ def measure_command(
     if options.out is not None:
         raise RequestError("--out is for scripts: add --script.")
     if options.interactive:
-        choose = prose("Leave --interactive out, and choose with ", command("select", "COMPONENT", at="LEVEL"), ".")
+        choose = prose("Omit --interactive, and choose with ", command("select", "COMPONENT", at="LEVEL"), ".")
         refuse_without_terminal(session, source, choose)
         request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
     control = measuring_control(session, stop_partitions=stops)
     prompt = TerminalLevelPrompt(session) if options.interactive else None
     hosts = select_hosts(load_manifest(source), host_selection)
+    request = with_attach_consent(session, hosts, request)
     outcome = measure_components(hosts, request, control, prompt)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(lambda: json_of(outcome), lambda: summary_text(outcome, verbose=options.verbose))
@@ -113,12 +120,8 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Cont
     try:
         result = combine_if_wanted(hosts, request, prompt, control)
     except SessionEnded:
-        prompt.ended()
-        session.terminal.tell(
-            prose("Ended. What is measured and written stays: ", command("tune"), " goes on with combining.")
-        )
+        session.terminal.tell(prose("Ended. Results are saved; ", command("tune"), " continues combining."))
         return session.interrupts.exit_code or ExitCode.DONE
-    prompt.ended()
     if result is None:
         return ExitCode.DONE
     for sentence in manifest_changes(result):
@@ -134,7 +137,7 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Cont
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneOptions(StopOptions):
-    """What is asked meanwhile."""
+    """Options of `rarms tune` alone."""
 
     interactive: bool = flag("--interactive", help="Ask before each combination is measured.")
 
@@ -154,15 +157,13 @@ def tune_command(
         refuse_standard_input(source)
     stops = options.stops(on_busy_host=request.on_busy_host)
     if options.interactive:
-        refuse_without_terminal(session, source, "Leave --interactive out: then each combination is measured unasked.")
+        refuse_without_terminal(session, source, "Omit --interactive to measure each combination without a question.")
     hosts = select_hosts(load_manifest(source), host_selection)
     prompt = TerminalTuningPrompt(session, asks=options.interactive)
     try:
         result = tune_components(hosts, request, measuring_control(session, stop_partitions=stops), prompt)
     except SessionEnded:
-        prompt.ended()
         return stopped(session)
-    prompt.ended()
     for sentence in manifest_changes(result):
         session.terminal.tell(sentence)
     tell(session.terminal, result.findings, hosts.manifest.sources)

@@ -30,7 +30,7 @@ from rarms_iac.views.json_output import json_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Partitions:
-    """Which partitions; none: all."""
+    """The chosen partitions; none: all."""
 
     partitions: tuple[str, ...] = argument("[PARTITION]...", default=())
 
@@ -41,8 +41,8 @@ def stop_command(
 ) -> ExitCode:
     """Stop PARTITIONs of this application until `rarms start`; without PARTITION: all of them.
 
-    Plan, show, ask, and do it. Each one's mark says that it was stopped: it is no drift, and no plan starts it. What is
-    set of it stays, and so does what the host promises it.
+    Plan, show, ask, and do it. The mark of each says that it was stopped, so it is not drift and no plan starts it.
+    Its settings and its reservation stay.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     return plan_ask_apply(session, hosts, _request(hosts, Purpose.STOP, which), how)
@@ -50,10 +50,10 @@ def stop_command(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartOptions(Partitions):
-    """What is started."""
+    """Options of `rarms start` alone."""
 
     boot: bool = flag(
-        "--boot", help="Start what ran on this machine, a Linux host, before its last start; no manifest is read."
+        "--boot", help="Start the partitions that ran on this Linux host before it restarted, without a manifest."
     )
 
 
@@ -75,7 +75,7 @@ def start_command(
 
 def _start_after_boot(session: Session, which: Partitions, how: PlanRunOptions) -> ExitCode:
     if which.partitions:
-        raise RequestError("--boot starts what ran before, so it takes no PARTITION.")
+        raise RequestError("--boot cannot be combined with a PARTITION.")
     result = start_partitions_after_boot(how.lock_timeout_ms)
     if session.as_json:
         session.terminal.data(json_of(result))
@@ -92,10 +92,10 @@ def _request(hosts: Hosts, purpose: Purpose, which: Partitions) -> PlanRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DestroyOptions(PlanTargets):
-    """What is removed."""
+    """Options of `rarms destroy` alone."""
 
     remove_disks: bool = flag(
-        "--remove-disks", help="Also delete the virtual disks that rarms made; their content is lost."
+        "--remove-disks", help="Also delete the virtual disks that rarms created; their content is lost."
     )
 
 
@@ -123,16 +123,16 @@ def destroy_command(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionName:
-    """Which partition."""
+    """The chosen partition."""
 
     partition: str = argument()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions(PartitionName):
-    """Which machine becomes it."""
+    """Options of `rarms import` alone."""
 
-    machine: str = option("--id", metavar="ID", help="The id of the machine, as `rarms plan` names it.", required=True)
+    machine: str = option("--id", metavar="ID", help="The id of the machine; `rarms plan` shows it.", required=True)
 
 
 @rarms_command("import")

@@ -1,8 +1,9 @@
 """`rarms plan`: what would change, and why; `rarms show`: a plan file, and its scripts as they run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
+from rarms_iac.app.applying import refuse_provisional
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.plan_files import read_plan_file
@@ -52,12 +53,15 @@ from rarms_iac.views.scripts import difference_text, left_out, script_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanOptions(OutputOptions):
-    """Where the plan goes, and how it is shown."""
+    """Options of `rarms plan` alone."""
 
     out: str | None = option("--out", metavar="FILE", help="Write the plan file, for `rarms apply FILE`.")
+    accept_provisional: bool = flag(
+        "--accept-provisional", help="Record in the plan file that provisional reservations may be applied."
+    )
     verbose: bool = verbose_option()
     detailed_exitcode: bool = flag(
-        "--detailed-exitcode", help="End with exit code 2 where there are changes; those that are held back count."
+        "--detailed-exitcode", help="Exit with code 2 if there are changes, including those that are held back."
     )
 
 
@@ -80,7 +84,8 @@ def plan_command(
         manifest = load_manifest(source)
         places = manifest.places
         hosts = select_hosts(manifest, host_selection)
-        plan = make_plan(hosts, plan_request(hosts, limits))
+        request = replace(plan_request(hosts, limits), accept_provisional=options.accept_provisional)
+        plan = make_plan(hosts, request)
     except UseCaseError as error:
         findings = [output for output in outputs if is_for_findings(output.format)]
         form_of = partial(no_plan_as, manifest=source.manifest, error=error, places=places)
@@ -98,32 +103,32 @@ def plan_command(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShowOptions:
-    """What of a plan is shown or written, and how."""
+    """Options of `rarms show` alone."""
 
     plan_file: str | None = argument("[PLAN]", default=None)
     verbose: bool = verbose_option()
-    script: bool = flag("--script", help="Show the PowerShell that does it on Hyper-V hosts.")
+    script: bool = flag("--script", help="Show the PowerShell for Hyper-V hosts.")
     guest: str = option(
-        "--guest", metavar="PARTITION", help="With --script: the one for this partition's guest.", default=""
+        "--guest", metavar="PARTITION", help="With --script: the script for this partition's guest.", default=""
     )
     undo: bool = flag("--undo", help="With --script: the undo script.")
     out: str | None = option(
         "--out",
         metavar="FOLDER",
-        help="With --script: write the exact bytes, undo scripts beside them. With --transport: the module to install.",
+        help=("With --script: write the scripts and undo scripts here. With --transport: write the module to install."),
     )
     single_file: bool = flag(
-        "--single-file", help="With --script: each script holds the module itself, instead of a folder beside it."
+        "--single-file", help="With --script: put the module into each script, instead of a folder next to it."
     )
     against: str | None = option(
         "--against",
         metavar="FILE",
-        help="With --script: how it differs from this plan, by steps, or from this script, by lines.",
+        help="With --script: show the differences to this plan, by steps, or to this script, by lines.",
     )
     check: str | None = option(
-        "--check", metavar="FILE", help="Check that PowerShell can read a script that was edited; exit code 2 if not."
+        "--check", metavar="FILE", help="Check that PowerShell can read an edited script; exit with code 2 if not."
     )
-    transport: bool = flag("--transport", help="Show what takes scripts on a host, sent or installed.")
+    transport: bool = flag("--transport", help="Show the code that receives scripts on a host.")
 
 
 @rarms_command("show")
@@ -144,7 +149,7 @@ def show_command(
     if not options.script:
         of_scripts = (options.guest, options.undo, options.out, options.against, options.single_file)
         if any((*of_scripts, host_selection.hosts, host_selection.snapshots)):
-            raise RequestError("That is asked of scripts: add --script.")
+            raise RequestError("This option needs --script.")
         if options.plan_file is None:
             raise RequestError("Missing argument '[PLAN]'.")
         plan = read_plan_file(options.plan_file)
@@ -156,7 +161,7 @@ def show_command(
 def _plan(plan_file: str | None, source: ManifestSource, host_selection: SnapshotSelection) -> Plan:
     if plan_file is not None:
         if host_selection.snapshots:
-            raise RequestError("A PLAN takes no --snapshot: it was made already.")
+            raise RequestError("A PLAN cannot be combined with --snapshot.")
         return read_plan_file(plan_file)
     return make_plan(select_hosts(load_manifest(source), host_selection))
 
@@ -167,7 +172,7 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     scripts = plan_scripts(plan, ScriptForm.SINGLE if options.single_file else ScriptForm.MODULE)
     selected = select_scripts(scripts, selection, plan)
     if options.out is not None:
-        written = scripts_to_write(scripts, selected, selection)
+        written = scripts_to_write(plan, scripts, selected, selection)
         for path in write_scripts(written, options.out):
             session.terminal.tell(f"Wrote {path}.")
         for sentence in left_out(plan, scripts, written):
@@ -182,6 +187,7 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     if session.as_json:
         session.terminal.data(json_of(PlanScripts(plan=plan.id, scripts=tuple(selected))))
     elif session.terminal.piped and len(selected) == 1:
+        refuse_provisional(plan)
         session.terminal.exactly(selected[0].text)
     else:
         for script in selected:
@@ -213,9 +219,9 @@ def _show_transport(session: Session, out: str | None) -> ExitCode:
             session.terminal.tell(f"Wrote {path}.")
         return ExitCode.DONE
     headings = {
-        "loader.ps1": "loader.ps1, given to ssh as one command",
+        "loader.ps1": "loader.ps1, the command that ssh runs",
         "bootstrap.ps1": "bootstrap.ps1, which the loader takes from standard input and runs",
-        RECEIVE_NAME: "receive.ps1, which runs in their place where the module is installed",
+        RECEIVE_NAME: "receive.ps1, which runs instead if the module is installed",
     }
     for name, script in transport_scripts().items():
         if session.terminal.piped:

@@ -28,9 +28,9 @@ from rarms_iac.views.json_output import json_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraphOptions:
-    """What is drawn."""
+    """Options of `rarms graph` alone."""
 
-    candidates: bool = flag("--candidates", help="Draw which components could be combined, and what is known of it.")
+    candidates: bool = flag("--candidates", help="Draw which components could be combined, with the results so far.")
 
 
 @rarms_command("graph")
@@ -60,11 +60,11 @@ DEFAULT_FILE = "report.html"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportOptions:
-    """Which components, and in which form."""
+    """Options of `rarms report` alone."""
 
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())
     out: str | None = option(
-        "-o", "--out", metavar="FILE", help=f"Where the page goes; - is standard output. [default: {DEFAULT_FILE}]"
+        "-o", "--out", metavar="FILE", help=f"The file of the page; - is standard output. [default: {DEFAULT_FILE}]"
     )
     as_text: bool = flag("--text", help="Plot in the terminal instead of writing a page.")
 
@@ -77,7 +77,7 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
     shows the reservation, what the host has left, and the lines for the manifest.
     """
     if options.as_text and (options.out is not None or session.as_json):
-        raise RequestError("--text goes without --out and --json.")
+        raise RequestError("--text cannot be combined with --out or --json.")
     writes_page = not options.as_text and (not session.as_json or options.out is not None)
     report = report_of_manifest(load_manifest(source), options.components, with_candidates=writes_page)
     if options.as_text:
@@ -101,11 +101,11 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
-    """What of which components goes where."""
+    """Options of `rarms export` alone."""
 
     file: str = argument("FILE")
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())
-    samples: bool = flag("--samples", help="Every sample too: a row each.")
+    samples: bool = flag("--samples", help="Also write a row for every sample.")
 
 
 @rarms_command("export", json=False)
@@ -122,7 +122,7 @@ def export_command(session: Session, options: ExportOptions, source: ManifestSou
     samples = options.samples
     ending = Path(options.file).suffix.lower()
     if ending not in {".csv", ".xlsx"}:
-        raise RequestError(f"{quoted(options.file)} ends with neither .csv nor .xlsx.")
+        raise RequestError(f"{quoted(options.file)} must end with .csv or .xlsx.")
     report = report_of_manifest(load_manifest(source), options.components)
     if ending == ".csv":
         measured = samples_table(report) if samples else settings_table(report)
@@ -144,13 +144,13 @@ NEEDED = ("starlette", "uvicorn")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudioOptions:
-    """How the page is served."""
+    """Options of `rarms studio` alone."""
 
     port: int | None = option(
-        "--port", metavar="N", least=1, most=65535, help="Of the loopback interface. [default: any that is free]"
+        "--port", metavar="N", least=1, most=65535, help="The port on the loopback interface. [default: any free port]"
     )
-    no_open: bool = flag("--no-open", help="Open no browser; print the address, which lets one browser in, on a line.")
-    read_only: bool = flag("--read-only", help="Show everything, and change nothing.")
+    no_open: bool = flag("--no-open", help="Print the address instead of opening a browser. It works for one browser.")
+    read_only: bool = flag("--read-only", help="Read only: do not change anything.")
 
 
 @rarms_command("studio", json=False)
@@ -165,7 +165,7 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise RequestError(
-            f"rarms studio needs {' and '.join(missing)}, which this installation lacks.",
+            f"rarms studio needs {' and '.join(missing)}, which is not installed.",
             "Install them from the clone: pipx install --force '.[studio]', or in its .venv: "
             ".venv/bin/pip install -e '.[studio]'.",
         )

@@ -264,10 +264,10 @@ def is_reference(text: str) -> bool:
 @component_check(Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret"))
 def secret_in_environment(component: Component) -> Iterator[Violation]:
     """Find variables with a secret's name whose value stands in the manifest."""
-    for name, value in (component.run.environment if component.run is not None else {}).items():
+    for path, name, value in component.run.own_variables if component.run is not None else ():
         if isinstance(value, str) and value and _SECRET.search(name):
             yield violation(
-                ("components", component.name, "run", "environment", name),
+                ("components", component.name, "run", *path),
                 'The manifest contains the value of {variable} for "{component}". The manifest lies in '
                 "git, where others can read it.",
                 f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",

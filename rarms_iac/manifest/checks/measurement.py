@@ -15,10 +15,10 @@ from rarms_iac.model.quantities import show_milliseconds, show_processors
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
-from rarms_iac.model.wording import Suggestions
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.distributions import samples_needed
 from rarms_iac.statistics.steady_state import least_setting_ms
+from rarms_iac.texts.messages import Suggestions
 
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 
@@ -67,8 +67,8 @@ def weak_loads(system: System) -> Iterator[Violation]:
                 measure = command("measure", component.name, interference=BUSY_LOOP)
                 yield violation(
                     own if component.interference else ("policy", "interference"),
-                    "{loads:all} cannot take all that is reserved apart from {component} on the "
-                    "{host_lp} LP of {host}. Values measured there may not hold with other partitions.",
+                    "{loads:all} cannot use all the processor time that {component} leaves free on the "
+                    "{host_lp} LP of {host}. A reservation measured with them can be too small.",
                     advice_on_weak_loads(system, host, [component.name], loads, measure),
                     address=f"component/{component.name}",
                     component=component.name,
@@ -95,8 +95,8 @@ def advice_on_weak_loads(
         way = f"Let `interference.{BUSY_LOOP}` be a busy loop without `threads`, so that it has one {each}"
     elif BUSY_LOOP in loads:
         way = (
-            f"`{BUSY_LOOP}` has a thread {each} and was kept from running on them: by other work on the machine, by a "
-            "limit, or by processors that its partition may not use. Find out which"
+            f"`{BUSY_LOOP}` has a thread {each}, but other work, a limit or an affinity kept it from all of "
+            "them. Find the cause"
         )
     elif BUSY_LOOP in system.loads_of(members):
         return prose(f"Measure with `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")
@@ -151,7 +151,11 @@ def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fracti
 @component_check(MISSING)
 def index_without_field(component: Component) -> Iterator[Violation]:
     """Find indexes whose values no field of `run.samples` gives."""
-    if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
+    if (
+        component.run is None
+        or component.run.samples.source in {"per_run", "ros"}
+        or isinstance(component.run.start, Call)
+    ):
         return  # there the runner itself sees when a job starts, ends and fails
     for name in component.apt:
         missing = _missing_field(name, component.run.samples)
@@ -192,60 +196,72 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
 @check(TOO_FEW_SAMPLES)
 def samples_not_to_be_had(system: System) -> Iterator[Violation]:
     """Find measured thresholds that need more samples than `run.until` or the budget allows."""
-    budget = system.policy.measuring.setting
     for component in system.components.values():
-        if component.cpu.reserve is not Measured.MEASURED:
-            continue
-        run, here = run_of(component), ("components", component.name)
-        between = _least_between(component)
-        needs = {index: samples_needed(index, threshold) for index, threshold in component.apt.items()}
-        index = max(needs, key=lambda name: needs[name], default="")
-        needed = needs.get(index, 0)
-        facts: Mapping[str, Any] = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
-        subject = 'The {index} of "{component}" needs {needs_samples} samples at least'
-        if needed > MOST_SAMPLES:
-            yield violation(
-                (*here, "apt", index),
-                f"{subject}, and a setting has {{most_samples}} at most: it is never shown to be met.",
-                "Ask for less: a lower percentile, or a share further from all jobs.",
-                at_key=True,
-                most_samples=MOST_SAMPLES,
-                **facts,
-            )
-        elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
-            yield violation(
-                (*here, "apt", index),
-                f"{subject}. Under its {{loads:load}} together a setting then takes {{takes:duration}} at least, and "
-                "its budget is {budget_ms:duration}.",
-                f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
-                at_key=True,
-                takes=takes_ms,
-                loads=len(system.loads_of([component.name])),
-                **facts,
-            )
-        elif isinstance(run.until, SampleCount) and run.until.samples < needed:
-            yield violation(
-                (*here, "run", "until"),
-                f"{subject}. A search goes on to them; `--from` with `--to`, and `--strategy paper`, end at "
-                "{samples}.",
-                f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
-                related=(((*here, "apt", index), True, "the threshold"),),
-                samples=run.until.samples,
-                **facts,
-            )
-        if (lasts := _least_until(run, between)) > budget:
-            yield violation(
-                (*here, "run", "until"),
-                '"{component}" is measured for {takes:duration} before it is judged, and the budget of a '
-                "setting is {budget:duration}: each setting outlasts it.",
-                "Lower `until`: a setting goes on until it is clear. Or raise `policy.measuring.setting`.",
-                takes=float(lasts),
-                budget=float(budget),
-            )
+        if component.cpu.reserve is Measured.MEASURED:
+            between = _least_between(component)
+            yield from _samples_not_taken(system, component, between)
+            yield from _outlasts_budget(system, component, between)
+
+
+def _samples_not_taken(system: System, component: Component, between: Fraction) -> Iterator[Violation]:
+    """Find the threshold of a component that needs most samples, if a setting does not take so many."""
+    budget = system.policy.measuring.setting
+    run, here = run_of(component), ("components", component.name)
+    needs = {index: samples_needed(index, threshold) for index, threshold in component.apt.items()}
+    index = max(needs, key=lambda name: needs[name], default="")
+    needed = needs.get(index, 0)
+    facts: Mapping[str, Any] = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
+    subject = 'The {index} of "{component}" needs {needs_samples} samples at least'
+    if needed > MOST_SAMPLES:
+        yield violation(
+            (*here, "apt", index),
+            f"{subject}, but a setting has at most {{most_samples}}. rarms can never show that it is met.",
+            "Ask for less: a lower percentile, or a share further from all jobs.",
+            at_key=True,
+            most_samples=MOST_SAMPLES,
+            **facts,
+        )
+    elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
+        yield violation(
+            (*here, "apt", index),
+            f"{subject}. Under its {{loads:load}} together a setting then takes {{takes:duration}} at least, and "
+            "its budget is {budget_ms:duration}.",
+            f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
+            at_key=True,
+            takes=takes_ms,
+            loads=len(system.loads_of([component.name])),
+            **facts,
+        )
+    elif isinstance(run.until, SampleCount) and run.until.samples < needed:
+        yield violation(
+            (*here, "run", "until"),
+            (
+                f"{subject}. A search takes as many as it needs; `--from` with `--to`, and `--strategy paper`, "
+                f"end at {{samples}}."
+            ),
+            f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
+            related=(((*here, "apt", index), True, "the threshold"),),
+            samples=run.until.samples,
+            **facts,
+        )
+
+
+def _outlasts_budget(system: System, component: Component, between: Fraction) -> Iterator[Violation]:
+    """Find `run.until` of a component that takes longer than the budget of a setting."""
+    budget = system.policy.measuring.setting
+    if (lasts := _least_until(run_of(component), between)) > budget:
+        yield violation(
+            ("components", component.name, "run", "until"),
+            '"{component}" is measured for {takes:duration} before it is judged, and the budget of a '
+            "setting is {budget:duration}: each setting outlasts it.",
+            "Lower `until`: a setting continues until its result is clear. Or raise `policy.measuring.setting`.",
+            takes=float(lasts),
+            budget=float(budget),
+        )
 
 
 def _least_setting_ms(system: System, component: Component, samples_ms: float) -> float:
-    """Return how long a setting takes at least with all loads of a component, on the host where that is least."""
+    """Return the least duration of a setting with all loads of a component, on the host where that is least."""
     homes = component.hosts or tuple(system.hosts)
     begins_anew = all(system.hosts[name].provider is not ProviderKind.HYPERV for name in homes if name in system.hosts)
     return sum(

@@ -22,13 +22,14 @@ from rarms_iac.model.names import POWERSHELL_MEMBERS, ROBOTIC_TASKS, WINDOWS_DEV
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES, Suggestions
+from rarms_iac.model.wording import MOST_NAMES
+from rarms_iac.texts.messages import Suggestions
 
 NOT_USED = Finding.note("RARMS086", "An entry is not used")
 
-MOVED = Finding.error("RARMS080", "An entry of `moved` cannot be carried out")
+MOVED = Finding.error("RARMS080", "An entry of `moved` has no effect or cannot be applied")
 
-KEPT_NAME = Finding.error("RARMS043", "This name is kept for something else")
+KEPT_NAME = Finding.error("RARMS043", "This name is reserved")
 
 
 SLICES_OF_OTHERS = frozenset({"system", "user", "machine", "init", "docker", "lxc", "kubepods", "libpod_parent"})
@@ -47,7 +48,7 @@ def unknown_name(system: System) -> Iterator[Violation]:
             similar, suggestion = suggestions.find(name, known)
             yield violation(
                 path,
-                'There is no {kind} "{name}".{_suggestion}',
+                'The {kind} "{name}" does not exist.{_suggestion}',
                 _ADVICE_ON_TASKS if kind == "task class" else f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
                 kind=kind,
@@ -88,7 +89,10 @@ def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str
         yield from _each((*here, "apart"), component.apart, "component", system.components)
         yield from _each((*here, "hosts"), component.hosts or (), "host", system.hosts)
         yield from _loads((*here, "interference"), component.interference, system)
-        task = component.task
+        if component.run is not None and component.run.processes:
+            named = component.run.samples.process
+            yield (*here, "run", "samples", "process"), named, "process", component.run.processes
+        task = component.task_class
         if task is not None and task.lower() not in folded and not is_shipped_task(task):
             yield (*here, "task"), task, "task class", tasks
     for partition in system.partitions.values():
@@ -133,7 +137,9 @@ class _Kept:
 def _kept(system: System) -> Iterator[_Kept]:
     application = (("application", "name"), system.application.name)
     partitions = [((system.section_of(name), name), name) for name in sorted(partition_names(system))]
-    users = [(("components", name, "task"), each.task) for name, each in system.components.items() if each.task]
+    users = [
+        (("components", name, "task"), each.task_class) for name, each in system.components.items() if each.task_class
+    ]
     sections = {
         "hosts": system.hosts,
         "components": system.components,
@@ -143,15 +149,19 @@ def _kept(system: System) -> Iterator[_Kept]:
     yield _Kept(
         kept=WINDOWS_DEVICES,
         names=[application, *(((section, name), name) for section, names in sections.items() for name in names)],
-        template='Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual '
-        "machine and no data log can have it.",
+        template=(
+            'The name "{name}" is reserved for a device in Windows. Folders, virtual machines and data logs '
+            "cannot have it."
+        ),
         advice='Choose another name, for example "{name}-1".',
     )
     yield _Kept(
         kept=POWERSHELL_MEMBERS,
         names=[application],
-        template='PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
-        "this application could not be read.",
+        template=(
+            'The name "{name}" is reserved in PowerShell. A journal with the runs of this application could '
+            "not be read."
+        ),
         advice='Choose another name, for example "{name}-1".',
     )
     yield _Kept(
@@ -294,7 +304,7 @@ def shipped_task(system: System) -> Iterator[Violation]:
         if is_shipped_task(task.name) and not task.replace_shipped:
             yield _shipped_task_violation(("tasks", task.name), task.name)
     for component in system.components.values():
-        name = component.task
+        name = component.task_class
         if name is not None and is_shipped_task(name) and task_entry(system, name) is None:
             yield _shipped_task_violation(("components", component.name, "task"), name)
 
@@ -333,16 +343,16 @@ def shared_task(system: System) -> Iterator[Violation]:
     for group in operating_systems(system):
         most_critical: dict[str, Component] = {}
         for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
-            if component.task is None:
+            if component.task_class is None:
                 continue
-            leader = most_critical.setdefault(component.task.lower(), component)
+            leader = most_critical.setdefault(component.task_class.lower(), component)
             if leader.criticality > component.criticality:
                 yield violation(
                     ("components", component.name, "task"),
                     '"{component}" (criticality {criticality}) and "{other}" ({other_criticality}) share '
                     "the class {task} in one operating system. The threads of both get the same priority.",
                     "Give the less critical component a class of its own.",
-                    task=component.task,
+                    task=component.task_class,
                     criticality=component.criticality,
                     other=leader.name,
                     other_criticality=leader.criticality,
@@ -352,7 +362,7 @@ def shared_task(system: System) -> Iterator[Violation]:
 @check(NOT_USED)
 def unused_task(system: System) -> Iterator[Violation]:
     """Find entries of `tasks` that no component names."""
-    used = {component.task.lower() for component in system.components.values() if component.task is not None}
+    used = {each.task_class.lower() for each in system.components.values() if each.task_class is not None}
     for name in system.tasks:
         if name.lower() not in used:
             yield violation(

@@ -101,7 +101,7 @@ def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...],
 
 @partition_check(KEPT_NAME)
 def partition_of_another_name(system: System, partition: PartitionRequest) -> Iterator[Violation]:
-    """Find partitions that have the name of a component that is no member."""
+    """Find partitions that have the name of a component that is not a member."""
     name = partition.name
     if name in system.components and name not in partition.components:
         yield violation(

@@ -298,6 +298,59 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
     )
 
 
+@check(CLASS_ORDER)
+def fixed_weight_out_of_order(system: System) -> Iterator[Violation]:
+    """Find fixed weights that put a more critical component below a less critical one."""
+    if system.policy.headroom is not Headroom.BY_CRITICALITY:
+        return
+    fixed = _fixed_weights(system)
+    shared = {name for each in system.partitions.values() if len(each.components) > 1 for name in each.components}
+    weights = {
+        name: fixed[name][0] if name in fixed else weight_of_criticality(component.criticality)
+        for name, component in system.components.items()
+        if component.runs_on is RunsOn.PARTITION and name not in shared
+        if any(host.provider is not ProviderKind.LINUX for host in allowed_hosts(system, component))
+    }
+    for name, (weight, path) in fixed.items():
+        if name not in weights:
+            continue
+        criticality = system.components[name].criticality
+        others = {other: system.components[other].criticality for other in weights}
+        above = [other for other in others if others[other] < criticality and weights[other] > weight]
+        below = [other for other in others if others[other] > criticality and weights[other] < weight]
+        below = [other for other in below if other not in fixed]  # else it is reported there
+        if above or below:
+            than, compared = ("less", "a higher") if above else ("more", "a lower")
+            said = in_a_row([f"{other} {weights[other]}" for other in above or below])
+            yield violation(
+                path,
+                '"{component}" (criticality {criticality}) has the fixed weight {weight}. Components that are {_than} '
+                "critical have {_compared} weight: {_said}.",
+                f"Remove `weight`: without it {name} gets {weight_of_criticality(criticality)}.",
+                component=name,
+                criticality=criticality,
+                weight=weight,
+                others=tuple(above or below),
+                _than=than,
+                _compared=compared,
+                _said=said,
+            )
+
+
+def _fixed_weights(system: System) -> dict[str, tuple[int, tuple[str, ...]]]:
+    """Return each component's fixed weight, its own or that of the partition for it alone, and its place."""
+    fixed: dict[str, tuple[int, tuple[str, ...]]] = {
+        name: (component.cpu.weight, ("components", name, "cpu", "weight"))
+        for name, component in system.components.items()
+        if component.cpu.weight is not None
+    }
+    for name, partition in system.partitions.items():
+        if partition.cpu.weight is not None and len(partition.components) < 2:
+            for component in members(system, partition):
+                fixed[component.name] = (partition.cpu.weight, ("partitions", name, "cpu", "weight"))
+    return fixed
+
+
 @check(ROUNDED)
 def reserve_rounded_up(system: System) -> Iterator[Violation]:
     """Find wide components whose reserve grows much by rounding to whole per cent of each processor."""
@@ -313,7 +366,7 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
             (section, name, "cpu", "reserve"),
             '"{name}" reserves {reserve}, and gets {given} on "{host}": a host gives whole per cent of '
             "each virtual processor.",
-            "Give it fewer `processors`: what is rounded up is less then.",
+            "Give it fewer `processors`: then less is rounded up.",
             name=name,
             reserve=show_processors(wanted),
             given=show_processors(rounded),
@@ -324,7 +377,7 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
 def _rounded(
     cpu: CpuRequest, host: Host, fixed: int | None, components: Sequence[Component]
 ) -> tuple[LogicalProcessors, LogicalProcessors, bool]:
-    """Return what is reserved there, what is given, and whether that is more than a tenth above."""
+    """Return the reservation there, the given amount, and whether that is more than a tenth above."""
     wanted = fixed_reserve(cpu, host) or LogicalProcessors(Fraction(0))
     processors = fixed or max((member.processors or host.logical_processors for member in components), default=1)
     given = guaranteed(per_virtual_processor(wanted, processors), processors)

@@ -42,7 +42,6 @@ def violation(
 
     Args:
         path: Where in the manifest. The host, component, ... that it leads into is a fact under that name.
-        template: As of `Finding.at`, with `facts`.
         at_key: The place is the key of the path, not its value.
         address: As `policy.accept` names it; None: the host, component, ... that the path leads into.
         related: Other paths, whether their key is meant, and a label.

@@ -1,11 +1,13 @@
 """The meaning of the marks of `model/keys.py`: forms of texts, quantities with a unit, and thresholds."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from functools import lru_cache
-from typing import Any
+from itertools import islice
+from typing import Annotated, Any, TypeVar
 
-from pydantic_core import PydanticCustomError
+from pydantic import Field, PlainValidator, StringConstraints, ValidationError, WithJsonSchema
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from rarms_iac.manifest.document.rules import BrokenRule
 from rarms_iac.model.indexes import (
@@ -16,7 +18,7 @@ from rarms_iac.model.indexes import (
     percentile_index,
     threshold_of,
 )
-from rarms_iac.model.keys import Form, Quantity
+from rarms_iac.model.keys import Form, Quantity, Shape, Within
 from rarms_iac.model.quantities import (
     OF_HOST,
     LogicalProcessors,
@@ -34,6 +36,14 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import in_a_row
 
+M = TypeVar("M")
+
+
+def find_mark(kind: type[M], marks: tuple[Any, ...]) -> M | None:
+    """Return the mark of this kind."""
+    return next((mark for mark in marks if isinstance(mark, kind)), None)
+
+
 FORMS: dict[str, tuple[str, str]] = {
     Form.NAME: (
         "a name",
@@ -43,13 +53,14 @@ FORMS: dict[str, tuple[str, str]] = {
         "the name of a task class",
         "Task classes have 1 to 63 letters, digits and spaces, and start with a letter.",
     ),
+    Form.THREAD: ("the name of a thread", "Names of threads have no comma; `*` stands for any characters."),
     Form.VARIABLE: (
         "the name of an environment variable",
         "Such names have letters, digits and underscores, and do not start with a digit.",
     ),
     Form.CALL: ("a function", "Write module:function, as in components.path_planning:plan."),
     Form.SSH: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
-    Form.HOST: ("the name of a host", "Write its name or address, as in cell.plant.example."),
+    Form.HOST: ("the name of a host", "Write its name or address, for example cell.plant.example."),
     Form.SSH_FILE: ("a file of ssh", "Write its path, without quotes; letters, digits, blanks and ~/._%+:@- fit."),
     Form.ABSOLUTE_FOLDER: ("an absolute path", "Write the whole path on the robot, as in /opt/robot."),
     Form.SLICE: (
@@ -57,6 +68,7 @@ FORMS: dict[str, tuple[str, str]] = {
         "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",
     ),
     Form.STRESSOR: ("a stressor", "Write a name that stress-ng --stressors shows, as in timer."),
+    Form.TOPIC: ("a topic", "Write its whole name, as rostopic list or ros2 topic list shows it: /camera/image_raw."),
     Form.OPERATION: ("an operation", "Write its kind in small letters and underscores, as in start_partition."),
     Form.LEAST_VERSION: ("a least version", "Write >= and the version, as in '>=0.2'."),
     Form.CODE: ("a finding's id", "Write RARMS and three digits, as in RARMS041."),
@@ -73,12 +85,35 @@ _EXAMPLES = {
 }
 
 
+def limits_of(marks: Iterable[Any]) -> Iterator[Any]:
+    """Yield pydantic's limits of a text or number, or of the number of entries of a list or map."""
+    for mark in marks:
+        match mark:
+            case Within(least, most):
+                yield Field(strict=True, ge=least, le=most)
+            case Shape.FILLED | Shape.ONE_OR_SEVERAL:
+                yield Field(min_length=1)
+            case Form():
+                yield StringConstraints(pattern=mark.value)
+                # `$` also matches before a line end in some languages; a name does not end with one.
+                pattern = f"{mark.value}(?!\\n)"
+                yield WithJsonSchema({"errorMessage": FORMS[mark][1], "pattern": pattern, "type": "string"})
+            case _:
+                pass
+
+
+def quantity_type(quantity: Quantity, word: StrEnum | None) -> Any:
+    """Return the type of a text with a unit, or this word."""
+    read = PlainValidator(_quantity_reader(quantity, word))
+    return Annotated[Any, read, WithJsonSchema(_quantity_schema(quantity, word))]
+
+
 def _facts(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> dict[str, Any]:
     examples = tuple(_EXAMPLES[kind] for kind in kinds)
     return {"units": units_of(*kinds), "examples": examples, "positive": positive, "also": also}
 
 
-def quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[str, Any]:
+def _quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[str, Any]:
     """Return the JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
     kinds, positive = quantity.kinds, quantity.positive
     units = units_of(*kinds)
@@ -99,7 +134,7 @@ def quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[str
     return {"anyOf": [{"const": word.value, "errorMessage": message}, text]} if word else text
 
 
-def quantity_reader(quantity: Quantity, word: StrEnum | None = None) -> Callable[[Any], Any]:
+def _quantity_reader(quantity: Quantity, word: StrEnum | None) -> Callable[[Any], Any]:
     """Make the function that reads a text with a unit, or this word, to its exact value.
 
     It raises `PydanticCustomError` for every other value; `messages.py` puts that into words.
@@ -143,6 +178,9 @@ def write_quantity(value: Any, quantity: Quantity) -> str:
             return show_percent(value.percent if isinstance(value, ShareOfHost) else value)
 
 
+MOST_BROKEN = 20
+"""Errors shown of the thresholds of one component: more of them come from a generator, which has few faults."""
+
 _DIRECTIONS = ("at_most", "at_least")
 
 
@@ -150,36 +188,32 @@ _index = lru_cache(maxsize=4096)(find_index)
 _threshold = lru_cache(maxsize=4096)(threshold_of)
 
 
-def read_thresholds(value: Any) -> dict[str, Threshold]:
+def _read_thresholds(value: Any) -> dict[str, Threshold]:
     """Return the thresholds by index.
 
     Raises:
-        PydanticCustomError: it is no map, or `broken_thresholds` tells what is wrong in it.
+        PydanticCustomError: it is not a map.
+        ValidationError: of each wrong index, word and quantity.
     """
     if type(value) is not dict:
-        raise PydanticCustomError("rarms_map", "not a map", {})
-    made: dict[str, Threshold] = {}
-    for name, written in value.items():
-        index = _index(name)
-        if index is None or any(_broken(index, written)):
-            raise PydanticCustomError("rarms_thresholds", "wrong thresholds", {})
-        made[name] = _threshold(index, written[index.direction])
-    return made
+        raise PydanticCustomError("dict_type", "not a map", {})
+    broken = (each for name, written in value.items() for each in _broken(name, written))
+    wrong = [
+        InitErrorDetails(type=PydanticCustomError(kind, "wrong threshold", dict(facts)), loc=path, input=value)
+        for path, kind, facts in islice(broken, MOST_BROKEN)
+    ]
+    if wrong:
+        raise ValidationError.from_exception_data("thresholds", wrong)
+    indexes = ((index, written) for name, written in value.items() if (index := _index(name)))
+    return {index.name: _threshold(index, written[index.direction]) for index, written in indexes}
 
 
-def broken_thresholds(value: Mapping[str, Any]) -> Iterator[BrokenRule]:
-    """Yield each wrong index, word and quantity of the thresholds, with its path in them."""
-    for name, written in value.items():
-        index = _index(name)
-        if index is None:
-            yield (name,), "rarms_index", {}
-        else:
-            yield from _broken(index, written)
-
-
-def _broken(index: PerformanceIndex, written: Any) -> Iterator[BrokenRule]:
+def _broken(name: str, written: Any) -> Iterator[BrokenRule]:
+    if (index := _index(name)) is None:
+        yield (name,), "rarms_index", {}
+        return
     if type(written) is not dict:
-        yield (index.name,), "rarms_map", {}
+        yield (index.name,), "dict_type", {}
         return
     yield from (((index.name, key), "extra_forbidden", {}) for key in written if key not in _DIRECTIONS)
     other = _DIRECTIONS[index.smaller_is_better]
@@ -204,7 +238,7 @@ def _is_quantity(index: PerformanceIndex, text: Any) -> bool:
         return False
 
 
-def thresholds_schema() -> dict[str, Any]:
+def _thresholds_schema() -> dict[str, Any]:
     """Return the JSON Schema of `apt`: each index takes the bound that makes sense for it."""
     family = percentile_index("p95_response_time")
     assert family is not None
@@ -223,7 +257,11 @@ def _schema_of(index: PerformanceIndex) -> dict[str, Any]:
     return {
         "additionalProperties": False,
         "description": index.description,
-        "properties": {index.direction: quantity_schema(Quantity(kinds=(index.unit,)))},
+        "properties": {index.direction: _quantity_schema(Quantity(kinds=(index.unit,)))},
         "required": [index.direction],
         "type": "object",
     }
+
+
+THRESHOLDS = Annotated[Any, PlainValidator(_read_thresholds), WithJsonSchema(_thresholds_schema())]
+"""The type of `apt`."""

@@ -15,7 +15,8 @@ from rarms_iac.model.diagnostics import MISSING, UNKNOWN_KEY, UNKNOWN_NAME, WRON
 from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name
 from rarms_iac.model.quantities import plain
-from rarms_iac.model.wording import did_you_mean, in_a_row, is_invisible, name_character, question
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.texts.messages import did_you_mean, is_invisible, name_character, question
 
 _OTHER_SPELLINGS = {
     "B": ("b",),
@@ -47,7 +48,6 @@ _KINDS = {
     "int_type": "a whole number",
     "bool_type": "true or false",
     "dict_type": "a map",
-    "rarms_map": "a map",
     "list_type": "a list",
 }
 
@@ -135,7 +135,7 @@ def _unknown_key(error: StructureError) -> Diagnostic:
         advice = "Write a decimal point where a comma is meant: { at_most: 0.1 s }."
     return UNKNOWN_KEY.at(
         error.places.key(*error.path),
-        "{path}: there is no key {_show} here.",
+        "{path}: the key {_show} is unknown here.",
         advice,
         path=error.name,
         key=str(key),
@@ -232,7 +232,7 @@ def _quantity(error: StructureError) -> Diagnostic:
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
-    """Return what is wrong with a text that is no such quantity, and what to write; empty where only the form helps."""
+    """Return the fault of a text that is not such a quantity, and the correction; empty where only the form helps."""
     if any(map(is_invisible, text)):
         seen = "".join(" " if sign.isspace() else "" if is_invisible(sign) else sign for sign in text[:100])
         found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(\S+)", seen.strip())
@@ -282,7 +282,7 @@ def _pattern(error: StructureError) -> Diagnostic:
 
 
 def not_a_robot(file: str, robot: str) -> Diagnostic:
-    """Return the last overlay, whose file without its ending is the robot's name, has one that is no name."""
+    """Return the last overlay, whose file without its ending is the robot's name, has one that is not a name."""
     better = _as_name(robot)
     return WRONG_VALUE.at(
         Place(file=file, line=1, column=1),
@@ -342,17 +342,26 @@ def _together(error: StructureError) -> Diagnostic:
 
 def _index(error: StructureError) -> Diagnostic:
     name = str(error.path[-1])
-    known = (*INDEXES, "p50_response_time", "p95_response_time", "p99_response_time", "p99.9_response_time")
     advice = f"The indexes are {', '.join(INDEXES)}, and percentiles such as p95_response_time."
-    nearest = "maximum_response_time" if name.startswith("p100_") else did_you_mean(name, known)
     return UNKNOWN_NAME.at(
         error.places.key(*error.path),
-        "{path}: there is no performance index {_show}.",
-        question(_same_percentile(name) or nearest) or advice,
+        "{path}: the performance index {_show} is unknown.",
+        question(_index_meant(name)) or advice,
         path=error.name,
         index=name,
         _show=_show(name),
     )
+
+
+def _index_meant(name: str) -> str | None:
+    """Return the index that a wrong name probably means, such as `mean_response_time` of `mean`; None: it has none."""
+    known = (*INDEXES, "p50_response_time", "p95_response_time", "p99_response_time", "p99.9_response_time")
+    full = f"{name.removesuffix('_response_time')}_response_time"
+    if full in known:
+        return full
+    if full == "p100_response_time":
+        return "maximum_response_time"
+    return _same_percentile(full) or did_you_mean(name, known)
 
 
 def _same_percentile(name: str) -> str:
@@ -382,10 +391,13 @@ def _direction(error: StructureError) -> Diagnostic:
 
 def _foreign_block(error: StructureError) -> Diagnostic:
     block, provider = error.facts["block"], error.facts["provider"]
+    place, host = error.places.key(*error.path), error.places.key(*error.path[:-1])
+    overlay = error.places.value(*error.path[:-1], "provider").file
+    is_from_overlay = place.file == host.file != overlay
     return UNKNOWN_KEY.at(
-        error.places.key(*error.path),
+        place,
         "{path} is allowed only with provider: {block}, but this host has provider: {provider}.",
-        f"Remove it, or write provider: {block}.",
+        f"Write {block}: null in {overlay}." if is_from_overlay else f"Remove it, or write provider: {block}.",
         path=error.name,
         block=block,
         provider=provider,
@@ -393,7 +405,7 @@ def _foreign_block(error: StructureError) -> Diagnostic:
 
 
 def _no_such_day(error: StructureError) -> Diagnostic:
-    return _wrong(error, "{path} is {value}. There is no such day.", "Check the month and the day.")
+    return _wrong(error, "{path} is {value}. This day does not exist.", "Check the month and the day.")
 
 
 def _not_read(error: StructureError) -> Diagnostic:
@@ -422,5 +434,5 @@ _MESSAGES: Mapping[str, Callable[[StructureError], Diagnostic]] = {
     "rarms_index": _index,
     "rarms_direction": _direction,
     "rarms_foreign_block": _foreign_block,
-    "rarms_no_day": _no_such_day,
+    "value_error": _no_such_day,
 }

@@ -1,65 +1,39 @@
-"""The types of the model -> what reads their values (a schema of pydantic) and what describes them (JSON Schema).
+"""The types of the model -> the types that pydantic reads with a `TypeAdapter`.
 
-A dataclass becomes a map of those of its fields that have a `Key`; the marks of `model/keys.py` say which values fit.
-Of a union the keys of a map choose the member. Begin with `manifest_reader`.
+A dataclass becomes a `TypedDict` of those of its fields that have a `Key`; `marks` says which values fit. Of a union
+the keys of a map choose the member. Begin with `manifest_reader`.
 """
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass, replace
 from datetime import date
 from enum import Enum
-from functools import cache
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NewType, TypeVar, Union, get_args, get_origin, get_type_hints
+from functools import cache, partial, reduce
+from operator import or_
+from types import GenericAlias, NoneType, UnionType
+from typing import Annotated, Any, Literal, NewType, NotRequired, Required, Union, get_args, get_origin, get_type_hints
 
-from pydantic_core import CoreSchema, PydanticCustomError, SchemaValidator
-from pydantic_core import core_schema as core
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Strict, Tag, TypeAdapter, with_config
+from typing_extensions import TypedDict
 
-from rarms_iac.manifest.document.marks import (
-    FORMS,
-    quantity_reader,
-    quantity_schema,
-    read_thresholds,
-    thresholds_schema,
-    write_quantity,
-)
+from rarms_iac.manifest.document.marks import THRESHOLDS, find_mark, limits_of, quantity_type, write_quantity
 from rarms_iac.manifest.document.rules import RULES
 from rarms_iac.model.host import Host
-from rarms_iac.model.keys import Form, Key, Quantity, Shape, Within
+from rarms_iac.model.keys import Form, Key, Quantity, Shape
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.run import Periodic, Run
-from rarms_iac.model.system import Component, Measured, PartitionRequest, RunsOn, System
+from rarms_iac.model.system import Component, CpuRequest, Measured, PartitionRequest, RunsOn, System
 
 Json = dict[str, Any]
-M = TypeVar("M")
 
 TAG = "\0"
 """Begins the name of an alternative, which pydantic puts into the path of an error. No text of a manifest has it."""
 
 
-@dataclass(frozen=True, slots=True)
-class ValueType:
-    """How a value is read, and how editors are told of it."""
-
-    core: CoreSchema
-    json: Json
-
-
 @cache
-def manifest_reader() -> SchemaValidator:
+def manifest_reader() -> TypeAdapter[System]:
     """Return the reader of plain values; its errors have their paths."""
-    return SchemaValidator(_reading(System).core)
-
-
-@cache
-def manifest_blocks() -> Mapping[str, Json]:
-    """Return the JSON Schema of each block of the manifest, by the name of its class; that of `System` is the whole."""
-    _reading(System)
-    return dict(sorted(_blocks.items()))
-
-
-_blocks: dict[str, Json] = {}
+    return TypeAdapter(_readable(System))
 
 
 def _bare(hint: Any, marks: tuple[Any, ...] = ()) -> tuple[Any, tuple[Any, ...]]:
@@ -75,193 +49,126 @@ def _bare(hint: Any, marks: tuple[Any, ...] = ()) -> tuple[Any, tuple[Any, ...]]
     return hint, marks
 
 
-def _mark(kind: type[M], marks: tuple[Any, ...]) -> M | None:
-    return next((mark for mark in marks if isinstance(mark, kind)), None)
-
-
-def _reading(hint: Any) -> ValueType:
+def _readable(hint: Any) -> Any:
+    """Return the type that pydantic reads for a type of the model."""
     bare, marks = _bare(hint)
-    if quantity := _mark(Quantity, marks):
-        word = Measured.MEASURED if isinstance(bare, tuple) and Measured in bare else None
-        reader = core.no_info_plain_validator_function(quantity_reader(quantity, word))
-        return ValueType(reader, quantity_schema(quantity, word))
+    if quantity := find_mark(Quantity, marks):
+        return quantity_type(quantity, Measured.MEASURED if isinstance(bare, tuple) and Measured in bare else None)
     if Shape.THRESHOLDS in marks:
-        return ValueType(core.no_info_plain_validator_function(read_thresholds), thresholds_schema())
+        return THRESHOLDS
     if isinstance(bare, tuple):
         return _union(bare)
+    read, *makers = _read_as(bare)
+    more = (*limits_of(marks), *makers)
+    found = Annotated[(read, *more)] if more else read
+    return _one_or_several(_readable(get_args(bare)[0]), found) if Shape.ONE_OR_SEVERAL in marks else found
+
+
+def _read_as(bare: Any) -> tuple[Any, ...]:
+    """Return the type whose values pydantic reads, and what makes the model's value of such a value."""
     arguments = get_args(bare)
     match get_origin(bare) or bare:
-        case origin if origin is tuple:
-            return _list(arguments[0], marks)
-        case origin if origin is Mapping:
-            return _map(*arguments, filled=Shape.FILLED in marks)
-        case origin if origin is Literal:
-            return _choice(arguments)
-        case scalar if scalar is str:
-            return _text(marks)
-        case scalar if scalar is bool:
-            return ValueType(core.bool_schema(strict=True), {"type": "boolean"})
-        case scalar if scalar is int:
-            within = _mark(Within, marks)
-            assert within is not None, "numbers of the manifest have bounds"
-            bounds = {"maximum": within.most, "minimum": within.least, "type": "integer"}
-            return ValueType(core.int_schema(ge=within.least, le=within.most, strict=True), bounds)
-        case scalar if scalar is date:
-            return ValueType(core.no_info_plain_validator_function(_day), _text((Form.DAY,)).json)
+        case cls if cls is tuple:
+            return GenericAlias(list, (_readable(arguments[0]),)), AfterValidator(tuple)
+        case cls if cls is Mapping:
+            return _map(*arguments)
+        case cls if cls in (Literal, int, str):
+            return (bare,)
+        case cls if cls is bool:
+            return bool, Strict()
+        case cls if cls is date:
+            return str, AfterValidator(date.fromisoformat)
         case cls if issubclass(cls, Enum):
-            choice = _choice(tuple(member.value for member in cls))
-            return replace(choice, core=core.no_info_after_validator_function(cls, choice.core))
+            # NOTE: not `cls` itself, which Python 3.13 shows as a call of any number of values: pydantic refuses that.
+            members = {member.value: member for member in cls}
+            return Literal[tuple(members)], AfterValidator(members.__getitem__)
         case cls if not fields(cls):  # a word
-            choice = _choice((cls.kind,))
-            return replace(choice, core=_then(lambda _: cls(), choice.core))
+            return Literal[cls.kind], AfterValidator(lambda _: cls())
         case cls:
-            block = _block(cls)
-            return replace(block, core=_then(_maker(cls), block.core))
+            return _block(cls), AfterValidator(partial(_made, cls))
 
 
-def _then(make: Callable[[Any], Any], read: CoreSchema) -> CoreSchema:
-    return core.no_info_after_validator_function(make, read)
-
-
-def _choice(values: tuple[Any, ...]) -> ValueType:
-    choices = {"const": values[0]} if len(values) == 1 else {"enum": list(values)}
-    return ValueType(core.literal_schema(list(values)), {**choices, "type": "string"})
-
-
-def _text(marks: tuple[Any, ...]) -> ValueType:
-    if form := _mark(Form, marks):
-        # `$` also matches before a line end in some languages; a name does not end with one.
-        json = {"errorMessage": FORMS[form][1], "pattern": f"{form.value}(?!\\n)", "type": "string"}
-        return ValueType(core.str_schema(pattern=form.value, strict=True), json)
-    if Shape.FILLED in marks:
-        return ValueType(core.str_schema(min_length=1, strict=True), {"minLength": 1, "type": "string"})
-    return ValueType(core.str_schema(strict=True), {"type": "string"})
-
-
-_DAY = re.compile(Form.DAY.removesuffix("$") + r"\Z")
-
-
-def _day(text: Any) -> date:
-    if not isinstance(text, str):
-        raise PydanticCustomError("string_type", "not a text")
-    if _DAY.match(text) is None:
-        raise PydanticCustomError("string_pattern_mismatch", "not a day", {"pattern": Form.DAY.value})
-    try:
-        return date.fromisoformat(text)
-    except ValueError:
-        raise PydanticCustomError("rarms_no_day", "no such day") from None
-
-
-def _list(hint: Any, marks: tuple[Any, ...]) -> ValueType:
-    item = _reading(hint)
-    least = 1 if {Shape.FILLED, Shape.ONE_OR_SEVERAL}.intersection(_shapes(marks)) else None
-    several = ValueType(
-        _then(tuple, core.list_schema(item.core, min_length=least, strict=True)),
-        {"items": item.json, **({"minItems": least} if least else {}), "type": "array"},
-    )
-    if Shape.ONE_OR_SEVERAL not in marks:
-        return several
-    return _alternatives(
-        {"one": replace(item, core=_then(lambda value: (value,), item.core)), "several": several},
-        lambda value: "several" if isinstance(value, list) else "one",
-    )
-
-
-def _shapes(marks: tuple[Any, ...]) -> set[Shape]:
-    return {mark for mark in marks if isinstance(mark, Shape)}
-
-
-def _map(keys: Any, values: Any, *, filled: bool) -> ValueType:
-    key, value = _reading(keys), _reading(values)
-    read, own = value.core, _own_name(_bare(values)[0])
-    if own:
-        read = _block(_bare(values)[0]).core
-    made: CoreSchema = core.dict_schema(key.core, read, min_length=1 if filled else None, strict=True)
-    if own:
-        make = _maker(_bare(values)[0])
-        made = _then(lambda blocks: {name: make({**each, own: name}) for name, each in blocks.items()}, made)
-    names = {word: key.json[word] for word in ("errorMessage", "pattern")}
-    least = {"minProperties": 1} if filled else {}
-    return ValueType(made, {"additionalProperties": value.json, **least, "propertyNames": names, "type": "object"})
-
-
-def _own_name(cls: Any) -> str:
+def _map(keys: Any, values: Any) -> tuple[Any, ...]:
+    cls = _bare(values)[0]
     hints = get_type_hints(cls, include_extras=True) if is_dataclass(cls) else {}
-    return next((name for name, hint in hints.items() if Shape.OWN_NAME in _bare(hint)[1]), "")
+    own = next((name for name, hint in hints.items() if Shape.OWN_NAME in _bare(hint)[1]), "")
+    if not own:
+        return (GenericAlias(dict, (_readable(keys), _readable(values))),)
+
+    def named(blocks: Json) -> Json:
+        return {name: _made(cls, {**each, own: name}) for name, each in blocks.items()}
+
+    return GenericAlias(dict, (_readable(keys), _block(cls))), AfterValidator(named)
 
 
-def _union(members: tuple[Any, ...]) -> ValueType:
+def _union(members: tuple[Any, ...]) -> Any:
     """Read one of several types, chosen by `kind`, by a key that only one has, or by whether it is a map."""
-    readings = [_reading(member) for member in members]
-    if all(getattr(member, "kind", "") for member in members):
-        return _alternatives(
-            {member.kind: reading for member, reading in zip(members, readings, strict=True)},
-            lambda value: str(value.get("kind")) if isinstance(value, dict) else "",
-            error="rarms_kind",
-        )
-    if all(map(is_dataclass, members)) and not any(getattr(member, "kind", "") for member in members):
-        names = [_blocks[member.__name__]["required"][0] for member in members]
+    types = [_readable(member) for member in members]
+    kinds = [getattr(member, "kind", "") for member in members]
+    if all(kinds):
+        by_kind = dict(zip(kinds, types, strict=True))
+        return _alternatives(by_kind, lambda value: str(isinstance(value, dict) and value.get("kind")), "rarms_kind")
+    if any(kinds) or not all(map(is_dataclass, members)):
+        plain, block = types
+        return _alternatives({"": plain, "map": block}, lambda value: "map" if isinstance(value, dict) else "")
+    names = [next(iter(_keys(member))) for member in members]
 
-        def only(value: Any) -> str:
-            written = [name for name in names if name in value] if isinstance(value, dict) else names[:1]
-            return written[0] if len(written) == 1 else ""
+    def only_key(value: Any) -> str:
+        written = [name for name in names if name in value] if isinstance(value, dict) else names[:1]
+        return written[0] if len(written) == 1 else ""
 
-        return _alternatives(dict(zip(names, readings, strict=True)), only, error="rarms_exactly_one", names=names)
-    return _alternatives(
-        dict(zip(("plain", "map"), readings, strict=True)), lambda value: "map" if isinstance(value, dict) else "plain"
-    )
+    return _alternatives(dict(zip(names, types, strict=True)), only_key, "rarms_exactly_one")
 
 
-def _alternatives(
-    readings: Mapping[str, ValueType], choose: Callable[[Any], str], *, error: str = "", names: Sequence[str] = ()
-) -> ValueType:
-    read = core.tagged_union_schema(
-        {f"{TAG}{name}": reading.core for name, reading in readings.items()},
+def _one_or_several(item: Any, items: Any) -> Any:
+    types = {"one": Annotated[item, AfterValidator(lambda value: (value,))], "several": items}
+    return _alternatives(types, lambda value: "several" if isinstance(value, list) else "one")
+
+
+def _alternatives(types: Mapping[str, Any], choose: Callable[[Any], str], error: str = "") -> Any:
+    """Return the union of types, each with the name that is chosen for its values."""
+    chosen = Discriminator(
         lambda value: f"{TAG}{choose(value)}",
         custom_error_type=error or None,
         custom_error_message="none of them" if error else None,
-        custom_error_context={"names": " ".join(names)} if error else None,
+        custom_error_context={"names": " ".join(types)} if error else None,
     )
-    return ValueType(read, {"oneOf": [reading.json for reading in readings.values()]})
+    members = (Annotated[each, Tag(f"{TAG}{name}")] for name, each in types.items())
+    return Annotated[reduce(or_, members), chosen]
+
+
+def _keys(cls: Any) -> dict[str, tuple[Any, Any, Key]]:
+    """Return field, type and mark of the fields that users write, by their keys."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {
+        key.name or field.name: (field, hints[field.name], key)
+        for field in fields(cls)
+        if (key := find_mark(Key, _bare(hints[field.name])[1]))
+    }
+
+
+_new_block: Any = TypedDict  # type checkers know only those that are written down
 
 
 @cache
-def _block(cls: Any) -> ValueType:
-    """Return the fields of a block as a dict, which `_maker` takes."""
-    kind = getattr(cls, "kind", "")
-    read: dict[str, Any] = {}
-    properties: Json = {}
-    needed: list[str] = []
+def _block(cls: Any) -> Any:
+    """Return the type of a block's fields as a dict, of which `_made` makes the block."""
     description = " ".join((cls.__doc__ or "").partition("\n\n")[0].split())
-    if kind:
-        read["kind"] = core.typed_dict_field(core.literal_schema([kind]))
-        properties["kind"] = {"const": kind, "description": description, "type": "string"}
-        needed.append("kind")
-    hints = get_type_hints(cls, include_extras=True)
-    for field in fields(cls):
-        marks = _bare(hints[field.name])[1]
-        if (key := _mark(Key, marks)) is None:
-            continue
-        name, reading = key.name or field.name, _reading(hints[field.name])
+    read: Json = {}
+    if kind := getattr(cls, "kind", ""):
+        read["kind"] = Annotated[Literal[kind], Field(description=description)]
+    for name, (field, hint, key) in _keys(cls).items():
+        default = _default(field.default, _bare(hint)[1])
+        told = Field(alias=name, description=key.description, json_schema_extra=default)
         is_needed = field.default is MISSING and field.default_factory is MISSING
-        read[field.name] = core.typed_dict_field(reading.core, required=is_needed, validation_alias=name)
-        properties[name] = {**_default(field.default, marks), "description": key.description, **reading.json}
-        needed += [name] * is_needed
-    _blocks[cls.__name__] = {
-        "additionalProperties": False,
-        **RULES.get(cls, {}),
-        "description": description,
-        "properties": properties,
-        **({"required": needed} if needed else {}),
-        "type": "object",
-    }
-    made = core.typed_dict_schema(read, extra_behavior="forbid", strict=True)
-    return ValueType(made, {"$ref": f"#/$defs/{cls.__name__}"})
+        read[field.name] = (Required if is_needed else NotRequired)[Annotated[_readable(hint), told]]
+    config = ConfigDict(extra="forbid", json_schema_extra={"description": description, **RULES.get(cls, {})})
+    return with_config(config)(_new_block(cls.__name__, read))
 
 
 def _default(value: Any, marks: tuple[Any, ...]) -> Json:
     """Return a default as a user would write it; nothing where the description says what is taken."""
-    if quantity := _mark(Quantity, marks):
+    if quantity := find_mark(Quantity, marks):
         return {} if value in (None, MISSING) else {"default": write_quantity(value, quantity)}
     if isinstance(value, Enum):
         return {"default": value.value}
@@ -269,51 +176,21 @@ def _default(value: Any, marks: tuple[Any, ...]) -> Json:
     return {"default": value} if is_text or isinstance(value, int) else {}
 
 
-def _host(values: Json) -> Host:
-    values.setdefault("platform", values["name"])
-    return Host(**values)
-
-
-def _partition(values: Json) -> PartitionRequest:
-    values.setdefault("components", (values["name"],))
-    return PartitionRequest(**values)
-
-
-def _run(values: Json) -> Run:
-    if isinstance(arrival := values.get("arrival"), Periodic):
-        values.setdefault("deadline", arrival.period)
-    return Run(**values)
-
-
-def _component(values: Json) -> Component:
-    made = Component(**values)
-    if made.apt and made.runs_on is RunsOn.PARTITION and made.cpu.reserve is None:
-        return replace(made, cpu=replace(made.cpu, reserve=Measured.MEASURED))
-    return made
-
-
-def _system(values: Json) -> System:
-    return System(**{**values, "interference": {**LOADS_WITHOUT_ENTRY, **values.get("interference", {})}})
-
-
-_MAKERS: Mapping[Any, Callable[[Json], Any]] = {
-    Host: _host,
-    PartitionRequest: _partition,
-    Run: _run,
-    Component: _component,
-    System: _system,
-}
-"""Makes the values of blocks whose defaults depend on other fields."""
-
-
-def _maker(cls: Callable[..., Any]) -> Callable[[Json], Any]:
-    """Return the function that makes a block of its fields."""
-    make: Callable[[Json], Any] = _MAKERS.get(cls, lambda values: cls(**values))
-    if not getattr(cls, "kind", ""):
-        return make
-
-    def without_kind(values: Json) -> Any:
-        del values["kind"]
-        return make(values)
-
-    return without_kind
+def _made(cls: Any, values: Json) -> Any:
+    """Return a block of its fields, with the defaults that depend on other fields."""
+    made = cls(**{name: value for name, value in values.items() if name != "kind"})
+    if isinstance(made, Component) and made.run is not None and made.run.attach is not None:
+        made = replace(made, dedicated=True)  # it is measured where it runs, and nothing else runs there
+    match made:
+        case Host(platform=""):
+            return replace(made, platform=made.name)
+        case PartitionRequest(components=()):
+            return replace(made, components=(made.name,))
+        case Run(arrival=Periodic(period=period), deadline=None):
+            return replace(made, deadline=period)
+        case Component(runs_on=RunsOn.PARTITION, cpu=CpuRequest(reserve=None)) if made.apt:
+            return replace(made, cpu=replace(made.cpu, reserve=Measured.MEASURED))
+        case System():
+            return replace(made, interference={**LOADS_WITHOUT_ENTRY, **made.interference})
+        case _:
+            return made

@@ -6,7 +6,10 @@ from collections.abc import Iterable, Iterator
 from functools import cache, reduce
 from typing import Any, cast
 
-from rarms_iac.manifest.document.reader import Json, manifest_blocks
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core.core_schema import DictSchema, TypedDictSchema
+
+from rarms_iac.manifest.document.reader import Json, manifest_reader
 from rarms_iac.manifest.overlays import REPLACED_WHOLE
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -15,9 +18,23 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 @cache
 def manifest_schema() -> Json:
     """Return the schema that `schemas/manifest.json` holds; callers do not change it."""
-    blocks = dict(manifest_blocks())
-    whole = blocks.pop("System")
-    return {"$schema": _DIALECT, "$defs": blocks, **whole}
+    return {"$schema": _DIALECT, **manifest_reader().json_schema(schema_generator=_ForEditors)}
+
+
+class _ForEditors(GenerateJsonSchema):
+    """Leave out titles, which are names of our classes, and say of maps that all names must have the form."""
+
+    def field_title_should_be_set(self, *_: Any) -> bool:
+        return False
+
+    def typed_dict_schema(self, schema: TypedDictSchema) -> Json:
+        return {key: value for key, value in super().typed_dict_schema(schema).items() if key != "title"}
+
+    def dict_schema(self, schema: DictSchema) -> Json:
+        made = super().dict_schema(schema)
+        for pattern, values in made.pop("patternProperties", {}).items():  # without it, other names would fit, too
+            made |= {"additionalProperties": values, "propertyNames": {**made["propertyNames"], "pattern": pattern}}
+        return made
 
 
 _REPLACED_WHOLE = frozenset(path[-1] for path in REPLACED_WHOLE)
@@ -99,7 +116,7 @@ Path = tuple[str | int, ...]
 
 
 class ValueShape:
-    """What may stand at a place of the manifest: the schemas of it, and their alternatives."""
+    """The values that a place of the manifest may have: its schemas, and their alternatives."""
 
     def __init__(self, schemas: Iterable[Json]) -> None:
         self.schemas = tuple(each for schema in schemas for each in _alternatives(schema))
@@ -115,10 +132,10 @@ class ValueShape:
     @property
     def is_quantity(self) -> bool:
         """Whether a text with a unit may stand here."""
-        return any("examples" in schema for schema in self.schemas)  # as `quantity_schema` has them
+        return any("examples" in schema for schema in self.schemas)  # as `marks.py` has them
 
     def rank(self, key: str) -> int:
-        """Return where a key stands in the canonical order; unknown keys and those that users name come last."""
+        """Return the place of a key in the canonical order; unknown keys and those that users name come last."""
         return self.keys.index(key) if key in self.keys and not self.has_names else len(self.keys)
 
     def of(self, step: str | int) -> "ValueShape":

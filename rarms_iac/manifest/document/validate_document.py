@@ -1,17 +1,16 @@
 """Plain values -> the document, or what breaks its structure, with path and value; `messages.py` has the words."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
-from typing import Any, cast
+from typing import Any
 
 from pydantic_core import ValidationError
 
-from rarms_iac.manifest.document.marks import broken_thresholds
-from rarms_iac.manifest.document.reader import TAG, manifest_blocks, manifest_reader
+from rarms_iac.manifest.document.reader import TAG, manifest_reader
 from rarms_iac.manifest.document.rules import BrokenRule, broken_rules
-from rarms_iac.manifest.document.schema import Path
+from rarms_iac.manifest.document.schema import Path, manifest_schema
 from rarms_iac.manifest.text.tree import dotted
 from rarms_iac.model.diagnostics import Place, Places
 from rarms_iac.model.system import System
@@ -73,19 +72,11 @@ def validate_document(document: Any, places: Places) -> System:
         listed = listable_errors(problem, document).errors(include_url=False, include_input=False)
     else:
         if not broken:
-            return cast(System, made)
-    cases = [case for error in listed[:MOST_ERRORS] for case in _cases(error, document)] + broken
+            return made
+    cases = [(error["loc"], error["type"], error.get("ctx", {})) for error in listed[:MOST_ERRORS]] + broken
     shown = cases[:MOST_ERRORS]
     following = len(cases) - len(shown) + total - len(listed[:MOST_ERRORS])
     raise NotAManifest([_structure_error(case, document, places) for case in shown], following)
-
-
-def _cases(error: Any, document: Any) -> Iterator[BrokenRule]:
-    if error["type"] == "rarms_thresholds":
-        for path, kind, facts in broken_thresholds(_value(document, error["loc"])):
-            yield (*error["loc"], *path), kind, facts
-    else:
-        yield error["loc"], error["type"], error.get("ctx", {})
 
 
 def listable_errors(problem: ValidationError, document: Any) -> ValidationError:
@@ -116,7 +107,11 @@ def _cut(value: Any, most: int) -> Any:
 
 @cache
 def _field_names() -> frozenset[str]:
-    return frozenset(name for block in manifest_blocks().values() for name in block.get("properties", {}))
+    return frozenset(
+        name
+        for block in (manifest_schema(), *manifest_schema()["$defs"].values())
+        for name in block.get("properties", {})
+    )
 
 
 def _structure_error(case: BrokenRule, document: Any, places: Places) -> StructureError:

@@ -1,7 +1,7 @@
 """The canonical form of a manifest (`rarms fmt`): one way to write it, with its comments and the same meaning.
 
-Two spaces of indentation, LF, the order of `order.py`; flow collections stay on their line while they
-are short; quotes only where some YAML would read something else; one space between a number and its unit.
+Two spaces of indentation, LF, the schema's order of keys; flow collections stay on their line while they are
+short; quotes only where some YAML would read something else; one space between a number and its unit.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Place, has_erro
 
 
 class CannotFormat(ValueError):
-    """The text is no manifest; `diagnostics` say why, as `rarms validate` would."""
+    """The text is not a manifest; `diagnostics` say why, as `rarms validate` would."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         super().__init__("; ".join(f"{diagnostic.place}: {diagnostic.detail}" for diagnostic in diagnostics))
@@ -26,7 +26,7 @@ def format_text(text: str, file: str) -> str:
     """Return the canonical form of a manifest's or overlay's text; formatting it again changes nothing.
 
     Raises:
-        CannotFormat: the text is no manifest.
+        CannotFormat: the text is not a manifest.
     """
     return format_tree(read_manifest(text, file))
 
@@ -35,7 +35,7 @@ def read_manifest(text: str, file: str = "rarms.yaml") -> ParsedText:
     """Return the text of a manifest or overlay, read.
 
     Raises:
-        CannotFormat: the text is no manifest.
+        CannotFormat: the text is not a manifest.
     """
     parsed = read_text(text.encode("utf-8", errors="surrogatepass"), file, "")
     _check_manifest(parsed)
@@ -56,7 +56,7 @@ def format_tree(parsed: ParsedText) -> str:
     """Return the canonical form of a file that was read already (`reading.read_yaml`).
 
     Raises:
-        CannotFormat: the text is no manifest.
+        CannotFormat: the text is not a manifest.
     """
     _check_manifest(parsed)
     try:
@@ -69,7 +69,7 @@ def format_tree(parsed: ParsedText) -> str:
 
 
 def diff_text(before: str, after: str, name: str, changed: str = "formatted") -> str:
-    """Return what an edit changes, as a unified diff; empty where it changes nothing.
+    """Return an edit as a unified diff; empty where it changes nothing.
 
     Args:
         before: the text of the file.

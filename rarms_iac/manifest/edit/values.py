@@ -37,7 +37,7 @@ def set_value(text: str, path: Path, value: Value) -> str:
     Comments inside a value that is replaced move above it.
 
     Raises:
-        CannotFormat: the text is no manifest.
+        CannotFormat: the text is not a manifest.
         NoSuchPlace: something on the way has no keys.
     """
     return _edit(text, lambda tree: _set(tree, tuple(path), value))
@@ -50,7 +50,7 @@ def remove_value(text: str, path: Path, comments_to: Path = ()) -> str:
     such a path they are removed, too.
 
     Raises:
-        CannotFormat: the text is no manifest.
+        CannotFormat: the text is not a manifest.
         NoSuchPlace: there is nothing at the path.
     """
     return _edit(text, lambda tree: _removed(tree, tuple(path), tuple(comments_to)))
@@ -90,7 +90,7 @@ def _removed(tree: Tree, path: tuple[str, ...], comments_to: tuple[str, ...]) ->
     route = _walk(tree, path)
     if route.missing or not path:
         raise NoSuchPlace(path, "there is nothing at this path")
-    is_only = len(route.steps[-1].parent.entries) == 1  # its comments stay beside the `{}`
+    is_only = len(route.steps[-1].parent.entries) == 1  # its comments stay next to the `{}`
     comments = _comments_at(route) if comments_to and not is_only else []
     without = _without(route)
     return _commented(without, _walk(read_manifest(without).tree(), comments_to), comments) if comments else without
@@ -130,7 +130,7 @@ class _Step:
 
 @dataclass(frozen=True, slots=True)
 class _Route:
-    """How far a path leads: the steps found, where they end, and the keys that are not there."""
+    """The reach of a path: the steps found, their end, and the keys that are missing."""
 
     tree: Tree
     steps: tuple[_Step, ...]
@@ -230,7 +230,7 @@ def _without(route: _Route) -> str:
 
 
 def _comments_at(route: _Route) -> list[str]:
-    """Return the comments that go when the key at the end of the route does: above it, beside it and inside."""
+    """Return the comments that go when the key at the end of the route does: above it, next to it and inside."""
     text, step = route.text, route.steps[-1]
     if step.parent.flow:
         return route.tree.comments_in(step.key.start, _flow_end(text, step.entry))
@@ -275,7 +275,7 @@ def _after_colon(text: str, key: Scalar) -> int:
 
 
 def _span(text: str, node: Node, colon: int) -> tuple[int, int]:
-    """Return where a value begins and ends; an empty one lies right behind its colon."""
+    """Return the begin and end of a value; an empty one lies right behind its colon."""
     if isinstance(node, Scalar) and node.start == node.end:
         return colon, colon
     if isinstance(node, Scalar) and node.style in {"|", ">"}:

@@ -9,7 +9,7 @@ from typing import overload
 
 from yaml.error import YAMLError
 
-from rarms_iac.model.commands import INIT, command, prose
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import NOT_READ, NOT_YAML, Diagnostic, Finding, Place
 from rarms_iac.model.wording import HIDDEN
 from rarms_iac.storage.reading import STANDARD_INPUT
@@ -48,7 +48,7 @@ class Lines(Sequence[str]):
         return self._text.count("\n") + 1
 
     def _start_of(self, number: int) -> int:
-        """Return where a line begins: behind the end of the one before it."""
+        """Return the begin of a line, behind the end of the one before it."""
         text, least, most = self._text, 0, len(self._text)
         counted = 0  # line ends before `least`
         while least < most:
@@ -102,18 +102,12 @@ def check_text(source: Source) -> tuple[Diagnostic, ...]:
         A note where it had a byte order mark.
 
     Raises:
-        UnreadableText: it is empty, not UTF-8, or holds invisible characters.
+        UnreadableText: it is not UTF-8, or holds invisible characters.
     """
     file, start = source.file, Place(file=source.file, line=1, column=1)
     if source.stored.startswith(_UTF16_32):
         raise UnreadableText(
             NOT_READ.at(start, "The file seems to be UTF-16 or UTF-32.", "Save it as UTF-8 and try again.", file=file)
-        )
-    if not source.text.strip(" \t\n"):
-        raise UnreadableText(
-            NOT_READ.at(
-                start, "The file has no content.", prose("Write a manifest, or let ", INIT, " write one."), file=file
-            )
         )
     _check_utf8(source)
     if findings := _unseen(source):
@@ -267,7 +261,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
 
 
 def _explain(problem: str, context: str) -> tuple[str, str]:
-    """Return what the parser found wrong and what to do, as (detail, advice)."""
+    """Return the parser's complaint as (detail, advice)."""
     for complaint in (problem, context):
         for words, detail, advice in _COMPLAINTS:
             if words in complaint:

@@ -328,7 +328,7 @@ def _too_many_comments(source: Source) -> Diagnostic:
     return NOT_YAML.at(
         source.place(first_beyond.start()),
         "A manifest has at most {most:,} number signs (#). This file has more.",
-        "Take out comments that say nothing.",
+        "Remove comments that are not needed.",
         most=MAX_NODES,
     )
 

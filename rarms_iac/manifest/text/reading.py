@@ -8,9 +8,9 @@ from rarms_iac.manifest.text.characters import Source, UnreadableText, check_tex
 from rarms_iac.manifest.text.events import ParsedText, read_events
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import NOT_READ, Diagnostic, Place
-from rarms_iac.model.wording import reason_of
 from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input
+from rarms_iac.texts.messages import reason_of
 
 MAX_BYTES = 8 * 2**20
 """The largest manifest or overlay."""
@@ -41,20 +41,26 @@ def read_text(data: bytes, file: str, folder: str, *, overlay: bool = False) -> 
     """Read bytes that are here already, under the name that messages use."""
     source = Source(file=file, folder=folder, stored=data, text=unified(data).decode("utf-8", "replace"))
     try:
+        if not source.text.strip(" \t\n"):
+            return ParsedText(
+                source=source, readable=False, diagnostics=(_without_value(file, "no content", overlay=overlay),)
+            )
         notes = check_text(source)
         parsed = read_events(source)
     except UnreadableText as refused:
         return ParsedText(source=source, readable=False, diagnostics=refused.diagnostics)
     if parsed.readable and parsed.value is None:
-        parsed = replace(parsed, readable=False, diagnostics=(_only_comments(file, overlay=overlay),))
+        parsed = replace(parsed, readable=False, diagnostics=(_without_value(file, "only comments", overlay=overlay),))
     return replace(parsed, diagnostics=(*notes, *parsed.diagnostics))
 
 
-def _only_comments(file: str, *, overlay: bool) -> Diagnostic:
+def _without_value(file: str, content: str, *, overlay: bool) -> Diagnostic:
     advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
     if overlay:
-        advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
-    return NOT_READ.at(Place(file=file, line=1, column=1), "The file has only comments.", advice, file=file)
+        advice = prose("Write the keys that differ from the manifest, or `{}` if none differs.")
+    return NOT_READ.at(
+        Place(file=file, line=1, column=1), "The file has {content}.", advice, file=file, content=content
+    )
 
 
 def shown_path(path: str) -> str:
@@ -82,7 +88,7 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
             missing = prose("Check the path: `-f PATH` names a manifest or its folder, and ", INIT, " creates one.")
             if overlay:
                 missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
-            return NOT_READ.at(place, "There is no file {file:quoted}.", missing, file=file)
+            return NOT_READ.at(place, "The file {file:quoted} does not exist.", missing, file=file)
         case PermissionError():
             return NOT_READ.at(
                 place, "rarms has no permission to read {file:quoted}.", "Check the file's permissions.", file=file

@@ -83,7 +83,7 @@ def entries_by_key(mapping: Collection) -> dict[str, Entry]:
 
 
 def place_of_node(node: Node) -> Place:
-    """Return where the node begins; a scalar on one line is underlined whole."""
+    """Return the place of the node's begin; a scalar on one line is underlined whole."""
     length = node.end - node.start if isinstance(node, Scalar) and not node.has_many_lines else 1
     return node.source.place(node.start, length)
 
@@ -104,7 +104,7 @@ def plain(node: Node) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Spans:
-    """Where each key and value begins and ends, in characters, in the order of the text.
+    """The begin and end of each key and value, in characters, in the order of the text.
 
     Where a map or a list ends, the next part of the text begins, or its closing bracket. A key that occurs again, and
     its value, are left out.
@@ -225,7 +225,7 @@ class _Builder:
         return entry
 
     def _end_of(self, scalar: Scalar) -> int:
-        """Return where the text ends; line ends below a block are not part of it."""
+        """Return the end of the text; line ends below a block are not part of it."""
         if scalar.style in {"|", ">"}:
             return scalar.start + len(self.text[scalar.start : scalar.end].rstrip())
         return scalar.end

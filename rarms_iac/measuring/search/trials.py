@@ -7,6 +7,9 @@ from math import ceil, inf
 
 from rarms_iac.model.experiment import Budget
 from rarms_iac.model.outcomes import (
+    Condition,
+    JudgedIndex,
+    Met,
     Missed,
     NoEstimate,
     NotAchievable,
@@ -24,6 +27,7 @@ from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
+from rarms_iac.statistics.conditions import conditions_of, more_samples_lift
 from rarms_iac.statistics.curves import curves_of, holds, least_reserve
 from rarms_iac.statistics.distributions import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.estimates import estimate
@@ -50,12 +54,14 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """What is searched: the least CR at which all members meet their APTs."""
+    """The goal of a search: the least CR at which all members meet their APTs."""
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
     budget: Budget = Budget()  # of a setting
     ends_at_until: bool = False  # a setting ends at `run.until` at the latest, clear or not
+    slow_job: int = 1  # as of `policy.measuring`
+    precision: float = 0.0  # how much less may be enough, as a part of the answer; 0: no setting ends because of it
 
     @property
     def apts(self) -> dict[str, Mapping[str, Threshold]]:
@@ -140,7 +146,7 @@ def judge_settings(settings: Sequence[Setting], goal: Goal) -> Judged:
     return Judged(trials=trials, least=least_reserve(curves))
 
 
-def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) -> bool:
+def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None, unconditional: bool = False) -> bool:
     """Tell whether a setting that is being measured may end now (`Measure.until_clear`), or has ended.
 
     It may once it has `run.until` (absent: `FIRST_LOOK` samples) of each member, and one member misses or every one is
@@ -148,7 +154,6 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
 
     Args:
         setting: All of its reservation so far, as it will be recorded.
-        precision: As `Measure.precision`.
 
     Returns:
         Whether it may end.
@@ -175,7 +180,31 @@ def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) ->
         return True
     if precision is not None and not all(_is_precise(series, member, precision) for member, series in seen):
         return False
-    return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
+    if any(isinstance(verdict, Missed) for verdict in verdicts):
+        return True
+    if None in verdicts:
+        return False
+    return not unconditional or not any(
+        isinstance(verdict, Met)
+        and more_samples_lift(
+            verdict.judged, series, member.run, goal.slow_job, samples=_most_samples(series, setting, goal)
+        )
+        for (member, series), verdict in zip(seen, verdicts, strict=True)
+    )
+
+
+def conditions_at(settings: Sequence[Setting], goal: Goal, reserve: ReservePercent) -> tuple[Condition, ...]:
+    """Return the conditions on which thresholds are met at a reservation, by the curves that settings make."""
+    found: list[Condition] = []
+    series = {each.component: each for setting in settings if setting.reserve == reserve for each in setting.series}
+    for curve, threshold in curves_of(settings, goal.runs, goal.apts):
+        estimated, point = curve.estimate_at(reserve), curve.value_at(reserve)
+        if estimated is not None and point is not None:
+            bounded = replace(estimated, lower=point.lower, upper=point.upper)
+            judged = JudgedIndex(index=curve.index, threshold=threshold, estimate=bounded)
+            run = goal.runs[curve.component]
+            found += conditions_of([judged], series[curve.component], run, goal.slow_job)
+    return tuple(found)
 
 
 def is_finished(setting: Setting, goal: Goal) -> bool:
@@ -208,7 +237,7 @@ def done_share(series: Series, reserve: ReservePercent, run: Run, host_ms: float
 
 
 def _most_samples(series: Series, setting: Setting, goal: Goal) -> float:
-    """Return how many samples the rest of the budget may bring at the speed so far."""
+    """Return the number of samples that the rest of the budget may bring at the speed so far."""
     if goal.ends_at_until or series.elapsed_ms <= 0.0:
         return inf
     return len(series.samples) * (1.0 + max(0.0, goal.budget.at(setting.reserve) - setting.host_ms) / series.elapsed_ms)
@@ -324,10 +353,10 @@ def _demand_lp(member: Member, series: Series) -> float:
 
 
 def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
-    """Find between which settings the least sufficient CR lies; what is below the demand is no setting to measure.
+    """Find between which settings the least sufficient CR lies; what is below the demand is not a setting to measure.
 
     A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
-    One without a steady state counts for nothing: it is no verdict.
+    One without a steady state counts for nothing: it is not a verdict.
 
     Args:
         history: the settings so far, in any order.
@@ -375,7 +404,6 @@ def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Suf
     """Conclude from the settings there are, before the search has its end.
 
     Args:
-        settings: one a reservation.
         most_settings: so many the same search may take next time.
 
     Returns:
@@ -386,7 +414,7 @@ def conclude(settings: Sequence[Setting], goal: Goal, most_settings: int) -> Suf
     least = judged.least
     if least is None:
         return NotResolved(
-            reason=f"its {len(settings)} settings show no reservation to be enough", more_settings=most_settings
+            reason=f"none of its {len(settings)} settings was shown to be enough", more_settings=most_settings
         )
     end = sufficient(judged.trials, least)
     return replace(end, more_settings=max(1, min(most_settings, least - 1 - (end.failed or 0))))
@@ -407,28 +435,36 @@ def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResol
     described = "; ".join(
         f"{name} {_DESCRIPTIONS.get(type(highest.verdicts[name]), _DESCRIPTIONS[WithinNoise])}" for name in members
     )
+    member, samples = _samples_to_clear(highest)
     return NotResolved(
         reason=f"at {highest.reserve} % of its VPs {described}",
-        samples=_samples_to_clear(highest),
+        member=member,
+        samples=samples,
         ends_at_until=goal.ends_at_until,
     )
 
 
-def _samples_to_clear(trial: SearchTrial) -> int | None:
-    """Return the samples of each member that decide all, at most one more than a setting may have."""
+def _samples_to_clear(trial: SearchTrial) -> tuple[str, int | None]:
+    """Return the member that the setting has to be measured longest for, and with how many of its samples all is clear.
+
+    At most one sample more than a setting may have; None: nothing tells.
+    """
     needed = [
-        samples_to_clear(judged, series)
-        for series in trial.setting.series
-        if isinstance(verdict := trial.verdicts[series.component], WithinNoise)
+        (each.component, samples_to_clear(judged, each), len(each.samples))
+        for each in trial.setting.series
+        if isinstance(verdict := trial.verdicts[each.component], WithinNoise)
         for judged in verdict.judged
     ]
-    known = [count for count in needed if count is not None]
-    return ceil(min(max(known), MOST_SAMPLES + 1)) if known and len(known) == len(needed) else None
+    known = [(count / seen, count, member) for member, count, seen in needed if count is not None and seen]
+    if not known or len(known) < len(needed):
+        return "", None
+    _, count, member = max(known)
+    return member, ceil(min(count, MOST_SAMPLES + 1))
 
 
 _DESCRIPTIONS: Mapping[type[Verdict], str] = {
-    WithinNoise: "is neither shown to meet its threshold nor to miss it",
-    Unsteady: "has no steady state",
+    WithinNoise: "was not shown to meet or to miss its threshold",
+    Unsteady: "did not reach a steady state",
     TooManyFailures: "has too many failed samples",
     TooFewSamples: "has too few samples",
 }

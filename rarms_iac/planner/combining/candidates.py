@@ -2,7 +2,7 @@
 
 One assumption is made (`ASSUMED`): a compound needs at least what any part of it needs, less a little on several
 processors. That a compound needs at most the sum of its parts is expected and never used: one that
-fails just below that sum is no gain, and is dropped.
+fails just below that sum is not a gain, and is dropped.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SLACK = 2
 """Points of CR by which a compound on several processors may need less than a part of it."""
 
-ASSUMED = f"a compound needs at least what any part of it needs (with several VPs: up to {SLACK} % of its VPs less)"
+ASSUMED = f"a compound needs at least what any part of it needs (within {SLACK} % of its VPs)"
 
 EXACT_UP_TO = 12
 """CoIs of which every compound is considered; of more, the compounds of the least critical ones."""
@@ -239,8 +239,10 @@ def _contradictions(
         if passed and failed and min(passed) <= max(failed):
             yield Contradiction(
                 members=candidate.coi.members,
-                message=f"{named(candidate.coi.members)} meets its thresholds with {min(passed)} % of its VPs "
-                f"and misses one with {max(failed)} %",
+                message=(
+                    f"{named(candidate.coi.members)} met its thresholds with {min(passed)} % of its VPs, but missed "
+                    f"one with {max(failed)} %"
+                ),
             )
         if not passed:
             continue
@@ -262,9 +264,6 @@ def _parts(candidates: Candidates, mask: Mask) -> Iterator[tuple[Mask, int]]:
 
 def named(members: Members) -> str:
     """Write the name of a set of components, as messages and the graph have it.
-
-    Args:
-        members: names in sorted order.
 
     Returns:
         The names joined by a plus sign: `speech+vision`.

@@ -21,7 +21,7 @@ Least = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """Which of two layouts that fit is the better one."""
+    """The rule for the better of two layouts that fit."""
 
     capacity: int  # of all hosts, in per cent of one logical processor: what exceeds it need not be tried
     fits: Fits
@@ -45,7 +45,6 @@ class Objective:
         Args:
             weight: the sum of the `weights` of the CoIs that share.
             reserved: by the whole layout, in per cent of one logical processor.
-            partitions: of the whole layout.
 
         Returns:
             The three of them.

@@ -51,11 +51,7 @@ class Coi:
 
 
 def processors_of(parts: Sequence[Coi]) -> int:
-    """Return the virtual processors of the compound of these CoIs: those of its parts together, at most the host's.
-
-    Args:
-        parts: at least one.
-    """
+    """Return the virtual processors of the compound of these CoIs: those of its parts together, at most the host's."""
     return together([part.processors for part in parts], parts[0].host_lp)
 
 
@@ -68,6 +64,7 @@ class Answer:
     worse: tuple[str, ...]  # members that were not shown to meet every APT there, by name
     unresolved: bool = False  # none of these was shown to miss one: this may yet be enough
     predicted: int | None = None  # the CR that was expected to do when it was asked; None: nothing was
+    processors: int = 1  # P1's VPs
 
     @property
     def passed(self) -> bool:
@@ -136,14 +133,11 @@ class PerformanceOracle(Protocol):
             Names of members; empty: all APTs are met.
 
         Raises:
-            Unanswered: there is no verdict, or an end was asked for.
+            Unanswered: no verdict, or an end was asked for.
         """
 
     def unresolved(self, members: Members, reserve: int) -> bool:
         """Tell whether a setting that is not enough was not shown to be too little, either.
-
-        Args:
-            members: as of `worse`, which was asked before.
 
         Returns:
             True where none of those that are worse was shown to miss an APT: no proof may use it.
@@ -221,7 +215,6 @@ def coi_as_measured(
     Where the manifest fixes a larger reservation than the log asks for, the fixed value stays and `missed` is None.
 
     Args:
-        group: the partition's members.
         reservations: the data logs, or what the manifest fixes.
         host: the host that the logs must hold for.
         sharing: how the partition takes its cores.

@@ -31,7 +31,7 @@ Sharing = Callable[[Members], bool]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inquiry:
-    """Who answers, who is told, and what may be tried."""
+    """The oracle and the listener of the procedure, and the pairs that it may try."""
 
     oracle: PerformanceOracle
     reporter: PlannerReporter = field(default_factory=SilentReporter)
@@ -66,7 +66,7 @@ class Inquiry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperTuning:
-    """How tuning ended."""
+    """The result of tuning."""
 
     cois: tuple[Coi, ...]  # as they are now, most critical first
     compounds: tuple[Coi, ...]  # in the order in which they were made
@@ -117,9 +117,6 @@ def tune_performance_to_use_less_resource(
 def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
     """Sort CoIs by non-increasing criticality, equal ones by name, as the paper's procedures expect them.
 
-    Args:
-        cois: in any order.
-
     Returns:
         All of them, the most critical first.
     """
@@ -134,7 +131,6 @@ def combine_components(
     What was asked is added to the trail.
 
     Args:
-        cois: in any order.
         inquiry: who answers, who may refuse a combination, and who is told.
         trail: what was asked so far, in order; every answer is appended.
 

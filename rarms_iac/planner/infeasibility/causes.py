@@ -7,10 +7,10 @@ from typing import assert_never
 
 from rarms_iac.model.claims import Claim, load_of
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.layout import Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import list_names, natural_order, number, quoted
+from rarms_iac.model.wording import list_names, natural_order, quoted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility.conflict import (
     NODES_FOR_CHANGES,
@@ -31,6 +31,7 @@ from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.totals import hosts_without_layout
+from rarms_iac.texts.messages import number
 
 _MOVES = "moves"
 """The part of the search that looks for partitions that have to move."""
@@ -43,7 +44,6 @@ def explain_infeasibility(answer: Infeasible, problem: Problem, start: Variant) 
     """Add to an answer without causes who conflicts, why, and what would fit.
 
     Args:
-        answer: What `solve` said.
         start: What the problem was made of: changes of it are planned.
 
     Returns:
@@ -70,7 +70,6 @@ def moves_needed(start: Variant, budget: SearchBudget) -> Mapping[str, str]:
     """Find partitions whose present hosts alone leave no layout.
 
     Args:
-        start: What has no layout.
         budget: Of this search; none of the moves is without need where it is enough.
 
     Returns:
@@ -142,7 +141,7 @@ def explain_by_sums(answer: Infeasible, problem: Problem) -> Infeasible:
     Returns:
         The same answer with at least one cause, whose advice is the command that searches for more.
     """
-    advice = prose("Search for the causes, and for changes that help: ", PLAN, ".")
+    advice = prose("Search for the causes and for changes that help: ", PLAN, ".")
     found = conflicts_by_sums(problem.items, problem.bins)
     causes = [_cause(conflict, problem) for conflict in found]
     if not causes:
@@ -158,23 +157,7 @@ def explain_by_sums(answer: Infeasible, problem: Problem) -> Infeasible:
 
 def _cause(conflict: Conflict, problem: Problem, needed: Mapping[str, str] = MappingProxyType({})) -> Diagnostic:
     """Return a cause without advice; `needed` has the moves with which there would be a layout, as `moves_needed`."""
-    names = list_names((item.name for item in conflict.items), MOST_NAMES)
-    cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
-    match conflict.lacking:
-        case Lack.PROCESSORS:
-            finding, message = planning_findings.RESERVATIONS, _processors_exceed(conflict, problem)
-        case Lack.MEMORY:
-            finding, message = planning_findings.MEMORY, _memory_exceeds(conflict, problem)
-        case Lack.PLACEMENT if len(conflict.bins) == 1:
-            finding, cores = planning_findings.PACKING, _describe_cores(conflict.bins[0])
-            reason = f"each virtual processor needs its whole reserve on one of the {cores}"
-            message = f"{cannot_share}: {reason}, and there is no way to place them."
-        case Lack.PLACEMENT:
-            finding = planning_findings.PLACEMENT
-            reason = "together these have enough, but each partition needs room on one of them"
-            message = f"{cannot_share}: {reason}."
-        case _:
-            assert_never(conflict.lacking)
+    finding, message = _shortage(conflict, problem)
     if conflict.lacking is Lack.MEMORY:
         message += _held_by_others(conflict, problem, lambda claim: claim.memory, show_bytes)
     else:
@@ -183,7 +166,7 @@ def _cause(conflict: Conflict, problem: Problem, needed: Mapping[str, str] = Map
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     moves: Facts = {"would_move": tuple(needed)} if needed else {}
     if needed:
-        message += f" If partitions may move, there is a layout: {_describe_moves(needed)}."
+        message += f" They fit if partitions may move: {_describe_moves(needed)}."
     free = free_on(conflict.bins)
     return finding.at(
         None,
@@ -203,17 +186,36 @@ def _cause(conflict: Conflict, problem: Problem, needed: Mapping[str, str] = Map
     )
 
 
+def _shortage(conflict: Conflict, problem: Problem) -> tuple[Finding, str]:
+    """Return the finding on the lack of the hosts of a conflict, and its sentence."""
+    names = list_names((item.name for item in conflict.items), MOST_NAMES)
+    cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
+    match conflict.lacking:
+        case Lack.PROCESSORS:
+            return planning_findings.RESERVATIONS, _processors_exceed(conflict, problem)
+        case Lack.MEMORY:
+            return planning_findings.MEMORY, _memory_exceeds(conflict, problem)
+        case Lack.PLACEMENT if len(conflict.bins) == 1:
+            reason = f"each virtual processor needs its whole reserve on one of the {_describe_cores(conflict.bins[0])}"
+            return planning_findings.PACKING, f"{cannot_share}: {reason}, and there is no way to place them."
+        case Lack.PLACEMENT:
+            reason = "together the hosts have enough capacity, but each partition needs room on one host"
+            return planning_findings.PLACEMENT, f"{cannot_share}: {reason}."
+        case _:
+            assert_never(conflict.lacking)
+
+
 def _describe_smt(conflict: Conflict, host: Bin) -> str:
-    """Return what it costs there that a core never runs two machines; empty where it costs nothing."""
+    """Return the cost there of cores that never run two machines; empty where it costs nothing."""
     claims = [*host.foreign_claims, *(item.claims[host.name] for item in conflict.items if host.name in item.claims)]
     idle = load_of(claims).idle_processors
     if not idle:
         return ""
     return (
-        f" The core scheduler of {host.name} runs one machine on a core at a time: of its "
+        f" The core scheduler of {host.name} runs one machine on a core at a time. Of its "
         f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(idle)} "
-        "would stay idle next to machines with an odd number of virtual processors or without SMT of their own. Even "
-        "numbers of `processors`, and HwThreadCountPerCore 0, avoid that."
+        "would be idle, because machines have an odd number of virtual processors or no SMT. Use an "
+        "even number of `processors` and HwThreadCountPerCore 0."
     )
 
 
@@ -245,7 +247,7 @@ def _held_by_others(
         return ""
     held.sort(key=lambda holder: (-holder[0], natural_order(holder[1])))
     shares = list_names((f"{name} {show(each)}" for each, name in held), MOST_NAMES)
-    return f" Unmanaged machines hold {show(sum(each for each, _ in held))}: {shares}."
+    return f" Unmanaged machines reserve {show(sum((each for each, _ in held)))}: {shares}."
 
 
 def _claims_of_others(conflict: Conflict, problem: Problem) -> Iterator[tuple[str, Claim, str]]:
@@ -299,5 +301,5 @@ def _logical_processors(host: Bin) -> str:
 
 
 def _describe_cores(host: Bin) -> str:
-    """Return what virtual processors are laid onto: `two logical processors`, `four cores`."""
+    """Return the processors that virtual ones are laid onto: `two logical processors`, `four cores`."""
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"

@@ -80,7 +80,7 @@ _SMALLER_CONFLICT = "a smaller set of partitions that conflict"
 
 
 class Lack(Enum):
-    """What the hosts of a conflict do not have."""
+    """The lack of the hosts of a conflict."""
 
     PROCESSORS = "processors"  # in sum
     MEMORY = "memory"  # in sum
@@ -95,7 +95,6 @@ class Conflict:
     bins: Sequence[Bin]
     lacking: Lack
     proven: bool = True  # otherwise it is only that nothing was found
-    smallest: bool = True  # otherwise the search for a smaller one ended at its limit
 
 
 def conflicts(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget, *, proven: bool) -> Sequence[Conflict]:
@@ -103,10 +102,10 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget, 
 
     Args:
         items: Partitions of which no packing was found.
-        proven: Whether there is none.
 
     Returns:
-        One or two conflicts. Without any one of its partitions the rest of each would fit, where it is `smallest`.
+        One or two conflicts. Without any one of its partitions the rest of each would fit, if the budget was enough
+        for the search; otherwise `budget.unfinished` says so.
     """
     return conflicts_by_sums(items, bins) or [_by_packing(items, bins, budget, proven=proven)]
 
@@ -207,9 +206,7 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
-        return Conflict(
-            items=_by_name(items), bins=_hosts_of(items, bins), proven=False, smallest=False, lacking=Lack.PLACEMENT
-        )
+        return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False, lacking=Lack.PLACEMENT)
     remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), natural_order(item.name)))
     step = len(remaining)
     while step > 1:
@@ -223,9 +220,7 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], budget: SearchBudget
                 at += step
     if not smallest:
         budget.unfinished[_SMALLER_CONFLICT] = None
-    return Conflict(
-        items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest, lacking=Lack.PLACEMENT
-    )
+    return Conflict(items=_by_name(remaining), bins=_hosts_of(remaining, bins), lacking=Lack.PLACEMENT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

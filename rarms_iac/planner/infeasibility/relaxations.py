@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
-from rarms_iac.model.indexes import find_index, show_threshold, show_value
+from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import RelaxedLevel
 from rarms_iac.model.quantities import (
     CpuAmount,
@@ -36,6 +36,7 @@ from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import holds, tightest_threshold
+from rarms_iac.texts.indexes import show_threshold, show_value
 
 MORE_PROCESSORS = 8
 _MIB = 2**20
@@ -75,9 +76,6 @@ def _reserve_relaxation(group: Group, entry: Component | PartitionRequest, befor
 def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
     """Yield the APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
 
-    Args:
-        problem: what has no layout.
-
     Yields:
         At most one relaxation; its amounts are CRs below the one that the APTs need now.
     """
@@ -89,13 +87,9 @@ def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]
 
 
 def is_lowest_measured(group: Group, problem: Problem) -> bool:
-    """Tell whether a partition's APTs hold at the lowest CR of its data log, so that less may be enough.
-
-    Args:
-        problem: what has no layout.
-    """
+    """Tell whether a partition's APTs hold at the lowest CR of its data log, so that less may be enough."""
     measured = _measured(group, problem)
-    return measured is not None and 1 < measured[1] <= measured[0].measured[0]
+    return measured is not None and 1 < measured[1] <= min(measured[0].measured, default=0)
 
 
 def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
@@ -152,9 +146,6 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
 def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
     """Give fewer virtual processors to a component that was measured alone and does not use all.
 
-    Args:
-        problem: what has no layout.
-
     Yields:
         At most one relaxation, of a single amount; whether the component is as fast then has to be measured.
     """
@@ -168,7 +159,7 @@ def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[Relaxation
     amount = ProcessorTime(guaranteed(least, usable))
     after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
     message = (
-        f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
+        f"`processors: {usable}` for {member.name}, which uses {usable} of its {log.processors}: about "
         f"{show_amount(amount)} instead of {show_processors(guaranteed(least, log.processors))}"
     )
     edits = (Edit(message, lambda variant: variant.with_entries("components", {member.name: after})),)
@@ -177,9 +168,6 @@ def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[Relaxation
 
 def memory_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
     """Give a host more memory, at most as much as all who may run there claim.
-
-    Args:
-        problem: what has no layout.
 
     Yields:
         A relaxation for each host, its amounts in MiB.
@@ -197,9 +185,6 @@ def _more_memory(host: str, mib: int) -> Edits:
 
 def processor_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
     """Give all hosts of a platform more logical processors, since they share measured data.
-
-    Args:
-        problem: what has no layout.
 
     Yields:
         A relaxation for each platform, by its first host; up to `MORE_PROCESSORS` more on each host. It has to be
@@ -272,7 +257,6 @@ def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[
     just less than they reserve apart.
 
     Args:
-        problem: what has no layout.
         partitions: the names among which pairs are made.
 
     Yields:

@@ -34,10 +34,8 @@ def ways_out(
     """Find changes with which everything fits.
 
     Args:
-        problem: What has no layout.
         conflict: Names of the partitions that cannot share their hosts.
         planner: Plans changes of what the problem was made of.
-        moves: As of `moves_needed`.
 
     Returns:
         Up to `MOST_WAYS_OUT` changes that are enough, one of each kind before a second of any: moving, a lower APT,
@@ -100,7 +98,7 @@ def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN) -> 
 
 def _moving(moves: Mapping[str, str]) -> Iterator[Edits]:
     if moves:
-        names = in_a_row([f"{name} move away from {host}" for name, host in moves.items()])
+        names = in_a_row([f"{name} may move away from {host}" for name, host in moves.items()])
         yield (Edit(f"`--max-disruption removal`, which lets {names}", partial(replace, may_move=True)),)
 
 

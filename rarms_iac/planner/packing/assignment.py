@@ -83,9 +83,6 @@ class Assignment:
     def host_of(self, variables: Sequence[int]) -> dict[str, str]:
         """Return the packing of which these variables are 1.
 
-        Args:
-            variables: one for each partition.
-
         Returns:
             The host of each partition, by names.
         """
@@ -167,7 +164,7 @@ def _is_larger(claim: Claim, other: Claim) -> bool:
 
 
 def _weight(claims: Iterable[Claim], capacity: Capacity, threshold: int) -> int:
-    """Return what claims weigh of 100 a core: above 100 no core takes them.
+    """Return the weight of claims, of 100 a core: above 100 no core takes them.
 
     This is the bound of Martello and Toth (1990).
 
@@ -204,8 +201,6 @@ def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) 
     """Find any packing, good or not.
 
     Args:
-        items: The partitions, by name.
-        bins: The hosts, by name.
         nodes: Of the solver, in all rounds.
 
     Returns:

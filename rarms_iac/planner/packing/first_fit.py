@@ -35,8 +35,6 @@ def best_first_fit(
     """Find a host for each partition by first fit.
 
     Args:
-        items: The partitions, by name.
-        bins: The hosts, by name.
         bound: What no packing is below: the first packing that meets it is taken. None: the first packing of all is.
         ways: How many ways are tried; None: all, about fifty, or twice as many where partitions run already.
 
@@ -61,10 +59,6 @@ def best_first_fit(
 def partial_first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str]:
     """Find a host for the partitions that find room, so that those left over reserve as little as possible.
 
-    Args:
-        items: The partitions, by name.
-        bins: The hosts, by name.
-
     Returns:
         The host of each partition that found one.
     """
@@ -76,7 +70,7 @@ def partial_first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, s
 
 
 class _RemainingCapacity:
-    """What is left of a host while partitions are put onto it."""
+    """The rest of a host while partitions are put onto it."""
 
     def __init__(self, host: Bin) -> None:
         self.free = free_in(host)
@@ -175,7 +169,7 @@ def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
         items: the partitions, each with at least one claim.
 
     Returns:
-        True: there is no packing, in processors or in memory. False says nothing.
+        True: no packing, in processors or in memory. False says nothing.
     """
     free = [free_in(host) for host in bins]
     percent, memory = sum(max(0, load.percent) for load in free), sum(max(0, load.memory) for load in free)

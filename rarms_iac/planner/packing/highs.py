@@ -42,10 +42,10 @@ class Nodes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolverAnswer:
-    """What HiGHS found."""
+    """The answer of HiGHS."""
 
     ones: tuple[int, ...] | None  # the variables that are 1; None: it found no solution
-    bound: int | None  # no solution has less; None: there is no solution
+    bound: int | None  # no solution has less; None: no solution
 
 
 def is_installed() -> bool:

@@ -35,8 +35,6 @@ def first_by_name(items: Sequence[Item], bins: Sequence[Bin], best: Objective) -
     """Find the best packing in which the first partition is on the first host that it can be on, and so on.
 
     Args:
-        items: The partitions, by name.
-        bins: The hosts, by name.
         best: The objective of a packing that no other is better than.
 
     Returns:
@@ -139,8 +137,6 @@ def can_pack(
     """Say whether a short search finds any packing, good or not.
 
     Args:
-        items: As of `pack`.
-        bins: As of `pack`.
         by_first_fit: The solver is not asked: a hundred times as fast, and more often neither is known.
         nodes: What the solver may look at here and in other searches; None: as much as one search may.
 
@@ -153,11 +149,6 @@ def can_pack(
 
 def find_packing(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) -> Mapping[str, str] | None:
     """Find any packing by a short search, good or not.
-
-    Args:
-        items: As of `pack`.
-        bins: As of `pack`.
-        nodes: As of `can_pack`.
 
     Returns:
         The host of each partition; None: none was found, and there may be one.
@@ -183,10 +174,6 @@ def _find_quickly(
 
 def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
     """Sort both by name, and leave the partitions the claims that a host can keep while no other is there.
-
-    Args:
-        items: in any order.
-        bins: in any order.
 
     Returns:
         Partitions and hosts by name; a partition may be without claims then.
@@ -308,7 +295,7 @@ def _with_cheapest_claims(item: Item) -> Item:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _StageResult:
-    """What came of one stage."""
+    """The result of one stage."""
 
     host_of: Mapping[str, str] | None  # the best packing that is known
     bound: int | None  # what no packing costs less than; None: there is none

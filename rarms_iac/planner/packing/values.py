@@ -43,7 +43,7 @@ class NoPacking:
 
 
 def least_cost(item: Item) -> int:
-    """Return what the partition reserves where it reserves least, in per cent of one logical processor.
+    """Return the partition's least reservation on any host, in per cent of one logical processor.
 
     Args:
         item: a partition with at least one claim.
@@ -67,7 +67,7 @@ def least_memory(item: Item) -> int:
 
 
 def free_in(host: Bin) -> Load:
-    """Return what a host has left to promise; negative where others hold more than there is.
+    """Return the free capacity of a host; negative where others hold more than there is.
 
     Args:
         host: with what unmanaged machines claim there.
@@ -126,7 +126,7 @@ Objective = tuple[int, int]
 
 
 def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective:
-    """Return what the packing reserves in all and how many partitions it moves.
+    """Return the packing's total reservation and the number of partitions that it moves.
 
     Returns:
         Per cent of one logical processor, and a count.

@@ -54,12 +54,12 @@ def out_of_range(settings: PartitionSettings) -> str:
     if problem := cpu_out_of_range(settings):
         return problem
     if settings.limit < 1:
-        return "with a limit of 0 % nothing would run: the limit is at least 1 %"
+        return "a limit is at least 1 %, because with 0 % nothing would run"
     if not 0 <= settings.memory < 2**63:
         return f"memory is at least 0 B and less than 8 EiB, not {settings.memory} B"
     if not _SHORTEST_PERIOD_US <= (settings.quota_period_us or _SHORTEST_PERIOD_US) <= _LONGEST_PERIOD_US:
         return f"a quota has a period of 1 ms to 1 s, not {settings.quota_period_us} us"
-    return "a control group has no dynamic memory" if settings.dynamic_memory else ""
+    return "control groups do not have dynamic memory" if settings.dynamic_memory else ""
 
 
 def lack_of_room(wanted: PartitionSettings, machine: str, state: State) -> str:
@@ -98,9 +98,6 @@ def write_definition(definition: GroupDefinition) -> bytes:
 def read_definition(data: bytes) -> GroupDefinition:
     """Return the definition in a file.
 
-    Args:
-        data: the file's content.
-
     Raises:
         NotDecodable: the content is not as `write_definition` writes it.
     """
@@ -112,7 +109,6 @@ def new_definition(operation: CreatePartition, name: str, host: str, taken: Iter
 
     Args:
         name: of the partition; with the host's id it decides the new id.
-        host: the machine's id.
         taken: ids of the host's partitions, which the new one does not get.
     """
     known = frozenset(taken)
@@ -209,7 +205,7 @@ def foreign_definition(name: str, group: RunningGroup, facts: HostFacts, boot: s
 
 
 def slice_limit(host: Host, processors: int) -> int | None:
-    """Return what all partitions together get at most: all but `keep_for_host`, in whole per cent of one processor.
+    """Return the limit of all partitions together: all but `keep_for_host`, in whole per cent of one processor.
 
     Returns:
         At least 1; None: nothing is kept, so nothing limits them.
@@ -242,7 +238,6 @@ def to_partitions(
     Args:
         definitions: of all partitions, those of unmanaged groups included.
         running: by name of the group: those that are in the kernel.
-        boot: the machine's latest start.
     """
     return with_marks(
         (_partition(definition, running, boot, processors), definition.notes) for definition in definitions
@@ -293,7 +288,7 @@ def observed_settings(settings: PartitionSettings, group: RunningGroup, processo
 
 
 def _processors(settings: PartitionSettings, group: RunningGroup, processors: int) -> int:
-    """Return how many of the machine's processors a group can use at the same time, by its cpuset and its quota."""
+    """Return the number of processors that a group can use at the same time, by its cpuset and its quota."""
     actual, wanted = group.actual, group.wanted
     of_set = processors if actual.processors is None else len(actual.processors)
     is_limited = actual.quota_percent is not None
@@ -319,7 +314,7 @@ def _percent(actual: float, defined: int) -> int:
 
 
 ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
-OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")
+OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that rarms did not stop")
 NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 
 
@@ -329,8 +324,8 @@ def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Ite
         names = ", ".join(f"{process} ({name})" for process, name in processes)
         yield ORPHANS.at(
             None,
-            "In {partition} run processes that no rarms started or ends: {_names}.",
-            "End them, where a component left them behind: they use the partition's processor time.",
+            "Processes run in {partition} that rarms did not start and does not end: {_names}.",
+            "If a component left them behind, end them: they use the partition's processor time.",
             address=f"partition/{partition}",
             partition=partition,
             processes=tuple(str(process) for process, _ in processes),
@@ -341,12 +336,11 @@ def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Ite
 def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnostic]:
     """Find partitions that are off, and that no run stopped."""
     if partitions:
-        line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
+        line = ' does that at each start of the machine (docs/linux.md, "After the machine starts").'
         yield OFF_WITHOUT_STOP.of_host(
             host.name,
-            "{_counted} of {host} ran until the machine stopped, or until the control group was removed: "
-            "{partitions:all}.",
-            prose(APPLY, " starts what is off. ", START_AT_BOOT, line),
+            "{_counted} of {host} ran until the machine stopped or the control group was removed: {partitions:all}.",
+            prose(APPLY, " starts them. ", START_AT_BOOT, line),
             partitions=tuple(partitions),
             _counted=counted(len(partitions), "partition"),
         )
@@ -357,7 +351,9 @@ def nothing_withheld(host: Host, processors: int) -> Iterator[Diagnostic]:
     if slice_limit(host, processors) is None:
         yield NOTHING_WITHHELD.of_host(
             host.name,
-            "{host} keeps no processor time for what runs outside its partitions. While they use all of "
-            "it, ssh, rarms and the kernel's own threads get about 1 % of a processor each.",
-            "Write `keep_for_host: { processor: 5 % }`: partitions never get that part.",
+            (
+                "{host} does not keep processor time for processes outside its partitions. When the partitions "
+                "use all of it, ssh, rarms and kernel threads get about 1 % of a processor each."
+            ),
+            "Write `keep_for_host: { processor: 5 % }`. Partitions never get this part.",
         )

@@ -11,15 +11,16 @@ from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 
-from rarms_iac.model.wording import last_words
 from rarms_iac.providers.interface import HostDamaged
 from rarms_iac.providers.journaled import LocalFiles
 from rarms_iac.running.kernel_files import kernel_text, whole_number
 from rarms_iac.storage import disk
 from rarms_iac.storage.records import Record
+from rarms_iac.texts.messages import last_words
 
 LOOK_SECONDS = 0.005
 _WAIT_SECONDS = 10.0
+_BUDGET_SECONDS = 2.0
 _RUN_SECONDS = 120.0
 """More than systemd lets any unit take by itself (DefaultTimeoutStopSec)."""
 
@@ -105,6 +106,20 @@ class LinuxEffects(LocalFiles):
             finally:
                 os.close(handle)
 
+    def write_budget(self, path: Path, text: str) -> None:
+        """Write a real-time budget. Raises OSError: after 2 s the kernel still refuses it.
+
+        The kernel counts the budget of a removed group for some 20 ms longer, and refuses a new one until then.
+        """
+        until = time.monotonic() + _BUDGET_SECONDS
+        while True:
+            try:
+                return self.write(path, text)
+            except OSError as problem:
+                if problem.errno != errno.EINVAL or time.monotonic() > until:
+                    raise
+            time.sleep(LOOK_SECONDS)
+
     def make(self, group: Path) -> None:
         """Make a group in one that exists; what is there stays. Raises OSError."""
         with _for_all_to_read():
@@ -145,13 +160,24 @@ class LinuxEffects(LocalFiles):
     def run(self, *words: str, may_fail: bool = False) -> None:
         """Run a program. Raises OSError with what it said, unless it may fail."""
         try:
+            self.output(*words)
+        except TimeoutError:
+            raise
+        except OSError:
+            if not may_fail:
+                raise
+
+    def output(self, *words: str) -> str:
+        """Return what a program prints, without white space around it. Raises OSError with what it said."""
+        try:
             done = subprocess.run(
                 words, capture_output=True, text=True, errors="replace", check=False, timeout=_RUN_SECONDS
             )
         except subprocess.TimeoutExpired as problem:
             raise TimeoutError(errno.ETIMEDOUT, str(problem)) from None
-        if done.returncode and not may_fail:
+        if done.returncode:
             raise OSError(errno.EIO, f"{' '.join(words)}: {last_words(done.stderr, done.returncode)}")
+        return done.stdout.strip()
 
     def await_text(self, path: Path, pattern: str) -> None:
         """Return once a file of the kernel has such a text (`*`: anything). Raises OSError after 10 s."""
@@ -210,7 +236,7 @@ def open_folder(host: str, folder: Path) -> HostDamaged:
     """Make the error for a folder of rarms' own files that others than root may write to."""
     return HostDamaged(
         host,
-        f"others than root may write to {folder.as_posix()}, so rarms does not trust the files in it",
+        f"users other than root may write to {folder.as_posix()}, so rarms does not trust its files",
         f"Check the files there, then `chown -R root {folder.as_posix()}` and `chmod 700 {folder.as_posix()}`.",
     )
 

@@ -11,19 +11,17 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rarms_iac.planner.task_classes import budget_percent
 from rarms_iac.providers.cgroups.effects import LinuxEffects, below_first, processes_in
-from rarms_iac.running.kernel_files import entry_of, processor_list, whole_number
-from rarms_iac.running.start import ProcessPlace
+from rarms_iac.running.kernel_files import PROC, entry_of, kernel_text, processor_list, whole_number
+from rarms_iac.running.orders import ProcessPlace
+from rarms_iac.running.work_places import group_path
 
 USUAL_PERIOD_US = 100_000
 """The kernel's own period of a quota."""
 
 SLICE_PERIOD_US = 20_000
 """The period of the slice's limit: with 5 % kept for the host, partitions wait 1 ms in every 20 ms."""
-
-_REAL_TIME = 90
-"""The most, in per cent of each processor, that real-time processes of a group get (version 1); the kernel gives
-those of all groups together 95 %."""
 
 _RUNTIME = "cpu.rt_runtime_us"
 
@@ -62,7 +60,7 @@ class GroupTree(ABC):
         """Read the values as they are in the kernel now. Raises FileNotFoundError where the group is not there."""
 
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        """Return what `read` answers once these values are written: the kernel rounds, and has its bounds."""
+        """Return the answer of `read` once these values are written: the kernel rounds, and has its bounds."""
         quota, period = values.quota_percent, values.period_us
         return replace(
             values,
@@ -89,8 +87,12 @@ class GroupTree(ABC):
         """Return the time, in ms, that its quota kept the group waiting. Raises OSError."""
 
     @abstractmethod
+    def used_memory(self, name: str) -> int | None:
+        """Return the bytes of the group's processes that the kernel cannot take back; None: it does not say."""
+
+    @abstractmethod
     def usable_processors(self) -> int:
-        """Return how many of the machine's processors groups may use at all. Raises OSError."""
+        """Return the number of the machine's processors that groups may use at all. Raises OSError."""
 
     @abstractmethod
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
@@ -115,7 +117,7 @@ class GroupTree(ABC):
         return ""
 
     def name_for(self, partition: str) -> str:
-        """Return what a partition's group is called, unless that name is taken."""
+        """Return the name of a partition's group, unless that name is taken."""
         return partition
 
     def ask_to_end(self, name: str, grace_ms: int) -> None:
@@ -141,9 +143,6 @@ class GroupTree(ABC):
 
     def start_with_machine(self, name: str, starts: bool) -> None:  # noqa: B027 - it is the whole of it
         """Have systemd start a group with the machine, or not; without systemd nothing does.
-
-        Args:
-            starts: whether it is to.
 
         Raises:
             OSError: systemd refuses.
@@ -186,7 +185,7 @@ class GroupTree(ABC):
             self._effects.remove_empty(folder)
 
     def place(self, name: str) -> ProcessPlace:
-        """Return what brings a starting process into the group: the files that take its id, or words before its own."""
+        """Return the way of a starting process into the group: files that take its id, or words before its own."""
         join = tuple(folder / name / "cgroup.procs" for folder in self._folders)
         return replace(self._counted(name), join=join)
 
@@ -195,12 +194,24 @@ class GroupTree(ABC):
         return f"/{self._slices['cpu'].name}/{name}"
 
     def _counted(self, name: str) -> ProcessPlace:
-        """Return what counts the time of a group and the processes that the kernel killed for its memory."""
+        """Return the counters of a group's time and of the processes that the kernel killed for its memory."""
         return ProcessPlace(
             groups=(self._slices["cpuacct"] / name,), memory_events=self._slices["memory"] / name / self._memory_events
         )
 
-    def allow_real_time(self, name: str, percent: float) -> None:
+    def real_time_percent(self) -> int | None:
+        """Return the part of each processor that the kernel has for real-time budgets; None: none, or all.
+
+        Raises:
+            OSError: the kernel refuses to tell.
+        """
+        root = self._slices["cpu"].parent
+        if not self._effects.has_file(root / _RUNTIME):
+            return None
+        budget = self._budget_us(root)
+        return None if budget < 0 else 100 * budget // USUAL_PERIOD_US
+
+    def allow_real_time(self, name: str, percent: int) -> None:
         """Let real-time processes of a group run for a part of each processor's time, where the kernel asks for it.
 
         A kernel with budgets (version 1) starts none in a group without one, and gives all groups of the machine 95 %
@@ -216,14 +227,42 @@ class GroupTree(ABC):
         if not self._effects.has_file(folder / name / _RUNTIME):
             return
         others = sum(self._budget_us(folder / group) for group in self.names() if group != name)
-        wanted = round(min(percent, _REAL_TIME) * USUAL_PERIOD_US / 100)
+        wanted = budget_percent(percent) * USUAL_PERIOD_US // 100
         for group, budget in ((folder, others + max(wanted, self._budget_us(folder / name))), (folder / name, wanted)):
             self._effects.write(group / "cpu.rt_period_us", str(USUAL_PERIOD_US))
-            self._effects.write(group / _RUNTIME, str(budget))
+            self._effects.write_budget(group / _RUNTIME, str(budget))
 
     def processes(self, name: str) -> tuple[int, ...]:
         """Return the ids of the processes in the group and below it, ascending; none where the group is not there."""
         return processes_in(self._effects, self._groups(name))
+
+    def members_below(self, group: Path | str) -> tuple[int, ...]:
+        """Return the ids of the processes in any control group and below it, ascending."""
+        return processes_in(self._effects, (Path(group),))
+
+    def folder_of(self, path: str) -> Path:
+        """Return the folder of a control group in the hierarchy of the processor time, by its path there."""
+        return self._slices["cpu"].parent / path.lstrip("/")
+
+    def folders_of(self, name: str) -> tuple[Path, ...]:
+        """Return the folders of a group below the slice, one for each hierarchy."""
+        return self._groups(name)
+
+    def home_of(self, process: int) -> Path:
+        """Return the control group of a process in the hierarchy of the processor time."""
+        return self._home(kernel_text(PROC / f"{process}/cgroup"), "cpu")
+
+    def homes_of(self, process: int, name: str) -> Mapping[Path, Path]:
+        """Return the control group of a process in each hierarchy, by the folder of one of ours there.
+
+        None where it has ended.
+        """
+        if not (text := kernel_text(PROC / f"{process}/cgroup")):
+            return {}
+        return {folder / name: self._home(text, controller) for controller, folder in self._slices.items()}
+
+    def _home(self, text: str, controller: str) -> Path:
+        return self._slices[controller].parent / group_path(text, controller).lstrip("/")
 
     def _groups(self, name: str) -> tuple[Path, ...]:
         return tuple(folder / name for folder in self._folders)
@@ -242,6 +281,12 @@ class GroupTree(ABC):
     def _entry_in(self, controller: str, name: str, file: str, entry: str) -> int:
         path = self._file(controller, name, file)
         return entry_of(path, self._effects.read(path), entry)
+
+    def _memory_in(self, name: str, *entries: str) -> int | None:
+        """Add up entries of a group's `memory.stat`; None where it is not there."""
+        path = self._file("memory", name, "memory.stat")
+        text = self._read_if_there(path)
+        return sum(entry_of(path, text, entry) for entry in entries) if text else None
 
     def _processors_in(self, file: Path) -> tuple[int, ...]:
         """Return the processors that a file lists; none where it is not there."""

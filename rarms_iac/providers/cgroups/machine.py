@@ -3,6 +3,7 @@
 Read from `/etc`, `/proc` and `/sys`: what processes consumed, and how many processors they use at once.
 """
 
+import re
 import time
 import uuid
 from collections import Counter
@@ -18,6 +19,7 @@ from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identit
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, ProcessorKind, Rights
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.speed import read_governor
 from rarms_iac.running.kernel_files import (
     PROC,
     UnreadableFile,
@@ -27,6 +29,7 @@ from rarms_iac.running.kernel_files import (
     read_process,
     whole_number,
 )
+from rarms_iac.running.work_places import group_path
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 """Ids of partitions, and of machines that have none of their own, are made in it."""
@@ -70,6 +73,7 @@ def read_facts(host: Host, effects: LinuxEffects) -> HostFacts:
         logical_processors=len(processors),
         memory=_memory_kib(effects.read(_MEMORY)) * 1024 // MEBIBYTE * MEBIBYTE,
         rights=Rights.PROVEN,  # `LinuxHostProvider.tree` has refused the host where they are missing
+        governor=read_governor(effects),
         processor_kinds=_kinds(effects, processors),
         deadline_percent=None if deadline == USUAL_DEADLINE_PERCENT else deadline,
     )
@@ -104,6 +108,8 @@ def _text(effects: LinuxEffects, path: Path) -> str:
 
 
 _SUPERVISOR = "supervisor_process.py"
+_SERVICE = re.compile(r"rarms-[^/]*\.service")
+_OF_DOCKER = re.compile(r"(^|/|docker-)[0-9a-f]{64}(\.scope)?(/|$)")
 
 
 def consumed_ms(process: int) -> float:
@@ -127,13 +133,29 @@ def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text)
 
     Args:
         processes: ids of the processes in a control group.
-        read: as of `read_process`.
 
     Returns:
         Pairs of id and name, in the order of the ids given.
     """
     found = ((process, read_process(process, read)) for process in processes)
-    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent, read))
+    return tuple(
+        (process, stat.name)
+        for process, stat in found
+        if stat and not _is_supervised(stat.parent, read) and not _runs_for_client(process, read)
+    )
+
+
+def _runs_for_client(process: int, read: Callable[[Path], str]) -> bool:
+    """Return whether a supervised program waits for the service or docker container that a process belongs to."""
+    path = group_path(read(PROC / f"{process}/cgroup"))
+    if unit := _SERVICE.search(path):
+        option = f"--unit={unit[0]}\0"
+    elif _OF_DOCKER.search(path):  # the engine alone knows the container's name; its client joined the partition
+        option = "docker\0run\0"
+    else:
+        return False
+    clients = (int(entry.name) for entry in PROC.iterdir() if entry.name.isdecimal())
+    return any(option in read(PROC / f"{client}/cmdline") and _is_supervised(client, read) for client in clients)
 
 
 def _is_supervised(process: int, read: Callable[[Path], str]) -> bool:
@@ -153,17 +175,21 @@ def _children(process: int) -> list[int]:
     return [whole_number(file, child) for file in files for child in kernel_text(file).split()]
 
 
+MEMORY_EVERY_S = 0.1
+"""How often the group's memory is looked at: the kernel adds it up for each look."""
+
 BETWEEN_S = (0.005, 0.025)
 """The least and the greatest pause between two looks: at random, so that they lock into no period of a component."""
 
 
 class ThreadLooks:
-    """What was seen of a group's threads so far."""
+    """The looks at a group's threads so far."""
 
     def __init__(self, tree: GroupTree, group: str) -> None:
         self._tree = tree
         self._group = group
         self._seconds: dict[int, float] = {}  # by number of threads that ran, or waited for a processor, at once
+        self.memory_peak: int | None = None  # bytes, the most that the group's processes had at a look
         self._ended = Event()
         self._problem: UnreadableFile | OSError | None = None
 
@@ -191,6 +217,7 @@ class ThreadLooks:
     def look_until_ended(self) -> None:
         """Look again and again; each look stands for the time since the one before."""
         pauses, before = Random(), time.perf_counter()  # noqa: S311 - no secret
+        memory_from = before
         while not self._ended.wait(pauses.uniform(*BETWEEN_S)):
             try:
                 threads, now = sum(map(_runnable, self._tree.processes(self._group))), time.perf_counter()
@@ -199,6 +226,14 @@ class ThreadLooks:
                 return
             self._seconds[threads] = self._seconds.get(threads, 0.0) + now - before
             before = now
+            if now >= memory_from:
+                memory_from = now + MEMORY_EVERY_S
+                self._look_at_memory()
+
+    def _look_at_memory(self) -> None:
+        used = self._tree.used_memory(self._group)
+        if used is not None:
+            self.memory_peak = max(used, self.memory_peak or 0)
 
     def end(self) -> None:
         """Stop looking."""
@@ -223,14 +258,18 @@ def looking_at(tree: GroupTree, group: str) -> Iterator[ThreadLooks]:
 
 
 def _runnable(process: int) -> int:
-    """Return how many threads of a process run or wait for a processor; 0 if it has ended."""
+    """Return the number of a process's threads that run or wait for a processor; 0 if it has ended."""
     try:
         return sum(_is_runnable(thread) for thread in (PROC / str(process) / "task").iterdir())
     except OSError:
         return 0
 
 
+_ENGINES = frozenset({"podman", "docker", "conmon", "runc", "crun"})
+"""Programs that start a container and pass on its output: their threads are no part of a job."""
+
+
 def _is_runnable(thread: Path) -> bool:
     """Read the state, which follows the name: a name may hold anything, also a bracket."""
-    words = kernel_text(thread / "stat").rpartition(")")[2].split()
-    return words[:1] == ["R"]
+    before, _, after = kernel_text(thread / "stat").rpartition(")")
+    return after.split()[:1] == ["R"] and before.partition("(")[2] not in _ENGINES

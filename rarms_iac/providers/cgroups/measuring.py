@@ -20,22 +20,27 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import ALL_PARTITIONS, PlatformFacts, SettingEvidence
+from rarms_iac.model.setting import ALL_PARTITIONS, LOAD_PARTITIONS, P1, PlatformFacts, SettingEvidence
+from rarms_iac.model.speed import MachineSpeed
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.model.wording import reason_of
 from rarms_iac.planner.task_classes import ClassValues
-from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at
+from rarms_iac.providers.cgroups.attach_target import AttachTarget, find_target
+from rarms_iac.providers.cgroups.groups import SLICE_PERIOD_US, GroupTree
+from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at, read_boot
 from rarms_iac.providers.cgroups.provider import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.cgroups.speed import read_speed
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, RemainingSamples, Work, running_partition
 from rarms_iac.rcss import CLASSES_VARIABLE
-from rarms_iac.running.component import ComponentRun, run_in_parallel
+from rarms_iac.running.component import ComponentRun, run_in_parallel, source_of
 from rarms_iac.running.kernel_files import UnreadableFile, in_ms, kernel_text, whole_number
 from rarms_iac.running.loads import InterferingLoad, check_load
-from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, order_of
+from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
+from rarms_iac.running.start import order_of
+from rarms_iac.running.thread_priorities import ThreadRule
 from rarms_iac.running.work_places import WorkPlaces
+from rarms_iac.texts.messages import reason_of
 
 MEMORY_MS = 100.0
 """How long the past influences the kernel's scheduling: its longest quota period. Its load averages, by which a group's
@@ -45,7 +50,7 @@ have their share within two points in each window that begins 50 ms or more afte
 OWN_PRIORITY = 1
 """The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the load would delay them."""
 
-MEASURE_AGAIN = "Measure again: what is recorded is kept."
+MEASURE_AGAIN = "Measure again: results so far are saved."
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
 PARENT_VARIABLE = "RARMS_CGROUP_PARENT"
 """The environment variable from which a component takes the parent of its containers' control groups."""
@@ -72,8 +77,6 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
         Args:
             base: the manifest's folder, from which components start.
-            state_folder: as of `LinuxHostProvider`.
-            tree: as of `LinuxHostProvider`.
         """
         super().__init__(host, state_folder, tree)
         self._context = StartContext(base=base)
@@ -90,6 +93,10 @@ class LinuxMeasuringHost(LinuxHostProvider):
             os_build=0,
         )
 
+    def machine_speed(self) -> MachineSpeed:
+        """Return the speed of the machine's processors now."""
+        return read_speed(self._effects)
+
     @property
     def scheduler_memory_ms(self) -> float:
         return MEMORY_MS
@@ -101,9 +108,14 @@ class LinuxMeasuringHost(LinuxHostProvider):
             elif subject.run is None:
                 return NO_RUN
             else:
-                order_of(subject.name, subject.run, self._context)
+                source_of(subject.name, subject.run, order_of(subject.name, subject.run, self._context))
+                if subject.run.attach is not None:
+                    with self.kernel_errors():
+                        self._target(subject)
         except CannotStart as problem:
-            return Obstacle(problem.message, problem.advice or "Install what its program or the load needs.")
+            return Obstacle(
+                problem.message, problem.advice or "Install the missing programs of the component or the load."
+            )
         return None
 
     def execute(self, operation: Operation, scope: Scope) -> None:
@@ -116,8 +128,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
         groups = {
             part.partition: self._running_group(part, work.application) for part in work.partitions if part.partition
         }
-        folders = {name: self.tree.place(group).groups for name, group in groups.items()}
         with ExitStack() as ends:
+            groups |= ends.enter_context(self._holding_attached(work, groups))
+            folders = {name: self.tree.place(group).groups for name, group in groups.items()}
             with self.reported():
                 looked = WorkPlaces(
                     _folders(folders, (part for part in work.partitions if part.components)),
@@ -149,6 +162,53 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 looks=looks,
             )
 
+    @contextmanager
+    def _holding_attached(self, work: Work, groups: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+        """Hold a component that runs already to what P1 reserves, and P2 to what it reserves.
+
+        Yields:
+            The group that holds it, by partition; none without such a component.
+        """
+        attached = {part.partition: part.components for part in work.partitions if any(map(_attached, part.components))}
+        if not attached.keys() & {P1}:
+            for partition, components in attached.items():
+                self._refuse_elsewhere(partition, components, groups)
+            yield {}
+            return
+        component, *others = attached[P1]
+        if others:
+            message = f"{component.name} is attached and can only be measured alone"
+            raise HostRefused(self.name, message, "Measure its reservation, and do not combine it with others.")
+        tree = self.tree
+        with ExitStack() as ends, self.reported():
+            target = self._target(component)
+            ends.callback(self.restore_attached)
+            percent, boot = tree.read(groups[P1]).shares_percent, read_boot(self._effects)
+            held = self._attached.hold(target, tree, groups[P1], percent, boot)
+            loads = [groups[name] for name in LOAD_PARTITIONS if name in groups]
+            for load in loads if target.unit else ():  # no weight of P2 leaves anything to a group in another slice
+                values = tree.read(load)
+                quota = replace(values, quota_percent=values.shares_percent, period_us=SLICE_PERIOD_US)
+                tree.write(load, quota)
+            yield {P1: held}
+
+    def _target(self, component: Component) -> AttachTarget:
+        attached = None if component.run is None else component.run.attach
+        assert attached is not None
+        return find_target(component.name, attached, self.tree, self._effects)
+
+    def _refuse_elsewhere(self, partition: str, components: Sequence[Component], groups: Mapping[str, str]) -> None:
+        """Refuse an attached component that does not run in its partition."""
+        with self.reported():
+            inside = set(self.tree.processes(groups[partition])) if partition else set()
+            for component in filter(_attached, components):
+                target = self._target(component)
+                if partition and not inside.intersection(self.tree.members_below(target.group)):
+                    message = f"{target.title} does not run in the partition {partition}"
+                    parent = self.tree.parent_of_containers(groups[partition])
+                    advice = f"Start it there: `Slice={parent}` in its unit, or `--cgroup-parent {parent}`."
+                    raise HostRefused(self.name, message, advice)
+
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
         group = groups.get(part.partition)
         reserve = None if group is None else self.tree.read(group).shares_percent / self._processors
@@ -164,7 +224,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 yield
             except CannotStart as problem:
                 advice = prose("Try it alone: ", command("run", "COMPONENT"), ".")
-                raise HostRefused(self.name, f"{problem}", advice) from problem
+                raise HostRefused(self.name, f"{problem}", problem.advice or advice) from problem
             except RunningError as problem:
                 raise HostFailed(self.name, f"{problem}", MEASURE_AGAIN) from problem
 
@@ -177,7 +237,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             yield ComponentRun(component.name, run, context)
 
     def _command_prefix(self, component: Component, part: PartitionWork, group: str | None) -> tuple[str, ...]:
-        """Return what precedes a component's command: `chrt` or `taskset` for its deadline or its task class.
+        """Return the words before a component's command: `chrt` or `taskset` for its deadline or its task class.
 
         Raises:
             HostRefused: the kernel would refuse the deadline.
@@ -199,14 +259,29 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     def _place(self, part: PartitionWork, group: str | None, component: Component | None = None) -> ProcessPlace:
         place = ProcessPlace() if group is None else self.tree.place(group)
-        words = () if component is None else self._command_prefix(component, part, group)
-        environment = class_environment(part)
-        if group is not None:
-            environment[PARENT_VARIABLE] = self.tree.parent_of_containers(group)
-        return replace(place, words=(*place.words, *words), environment=environment)
+        if component is not None and _attached(component):
+            return place  # it has its place: only its groups are looked at
+        words = () if component is None or component.threads else self._command_prefix(component, part, group)
+        parent = "" if group is None else self.tree.parent_of_containers(group)
+        environment = class_environment(part) | ({PARENT_VARIABLE: parent} if parent else {})
+        threads = () if component is None else thread_rules(component, part.classes)
+        if threads:
+            self._refuse_endless_real_time(component.name if component else "")
+        return replace(place, priority=words, parent=parent, environment=environment, threads=threads)
+
+    def _refuse_endless_real_time(self, component: str) -> None:
+        """Refuse priorities of threads where the kernel never stops a thread that has one.
+
+        Raises:
+            HostRefused: real-time threads may use all of each processor.
+        """
+        if self.facts.deadline_percent == WHOLE:
+            message = f"{component} gives real-time priorities to threads of another program, and "
+            message += "the kernel never stops such threads (sched_rt_runtime_us)"
+            raise HostRefused(self.name, message, "Set it: `sysctl kernel.sched_rt_runtime_us=950000`.")
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
-        """Return where the processes of a component belong: in the control group of its partition, in its task class.
+        """Return the place of a component's processes: the control group of its partition, its task class.
 
         Args:
             part: the partition's name in the manifest, empty for the host itself, one component, and the task classes
@@ -231,10 +306,18 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 try:
                     self.tree.allow_real_time(group, running.settings.reserve)
                 except OSError as problem:
-                    message = f"{partition} gets no budget for its task classes: {reason_of(problem)}"
+                    message = f"{partition} does not get a real-time budget for its task classes: {reason_of(problem)}"
                     advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
                     raise HostRefused(self.name, message, advice) from problem
         return group
+
+
+WHOLE = 100
+"""The part of each processor, in per cent, that real-time threads have where `sched_rt_runtime_us` is -1."""
+
+
+def _attached(component: Component) -> bool:
+    return component.run is not None and component.run.attach is not None
 
 
 LEAST_SHARES_PERCENT = 1.0
@@ -264,10 +347,24 @@ def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[s
         classes: as the planner decided them for the partition.
     """
     for values in classes:
-        if component.task is not None and values.name.lower() == component.task.lower():
+        if component.task_class is not None and values.name.lower() == component.task_class.lower():
             words = ("chrt", "--fifo", str(values.thread_priority))
             return ("taskset", f"{values.affinity:x}", *words) if values.affinity else words
     return ()
+
+
+def thread_rules(component: Component, classes: Iterable[ClassValues]) -> tuple[ThreadRule, ...]:
+    """Return the priority of each name of a thread in the component's `task`.
+
+    Args:
+        classes: as the planner decided them for the partition.
+    """
+    return tuple(
+        ThreadRule(pattern=pattern, priority=values.thread_priority, affinity=values.affinity)
+        for values in classes
+        if component.task_class is not None and values.name.lower() == component.task_class.lower()
+        for pattern in component.threads
+    )
 
 
 def class_environment(part: PartitionWork) -> dict[str, str]:
@@ -352,7 +449,7 @@ class RealWork:
             if component in self._group_alone:
                 group, before = self._group_alone[component]
                 return self.host.tree.cpu_ms(group) - before
-            process = next((run.process for run in self.runs if run.component == component), None)
+            process = next((run.process for run in self.runs if run.component == component and run.has_own_time), None)
             return None if process is None else consumed_ms(process)
 
     def used_processors(self, partition: str) -> int | None:
@@ -372,13 +469,16 @@ class RealWork:
             return replace(
                 counted,
                 skipped_lines=skipped,
+                messages={run.component: heard for run in self.runs if (heard := run.heard)},
                 outside=self.looked.outside(places, self.elapsed_ms()),
                 others=self.looked.others(self.elapsed_ms(), counted.elapsed_ms),
+                memory_peak=None if P1 not in self.looks else self.looks[P1].memory_peak,
                 out_of_memory={run.component: killed for run in self.runs if (killed := run.killed_for_memory)},
+                threads={run.component: run.threads for run in self.runs if not run.threads.is_fine},
             )
 
     def _counters(self) -> SettingEvidence:
-        """Return what the kernel counted until now."""
+        """Return the kernel's counts until now."""
         with self.host.reported():
             return SettingEvidence(
                 elapsed_ms=self.elapsed_ms(),
@@ -388,6 +488,7 @@ class RealWork:
                     for name, group in {**self.groups, ALL_PARTITIONS: ""}.items()
                 },
                 stolen_ms=_stolen_ms(),
+                speeds=(self.host.machine_speed(),),
                 waiting_ms=_waiting_ms(),
             )
 
@@ -407,7 +508,7 @@ def _real_time_priority(host: str) -> Iterator[None]:
     except PermissionError as problem:
         raise HostRefused(
             host,
-            "rarms may not take a real-time priority, without which the load delays its clock",
+            "rarms does not have the right to a real-time priority; without it the load delays its clock",
             "Run as root; under control groups v1 from a group with a budget (cpu.rt_runtime_us), such as the root.",
         ) from problem
     try:
@@ -435,7 +536,7 @@ def _stolen_ms() -> float:
 
 
 def _waiting_ms() -> float | None:
-    """Return how long something waited for a processor (PSI) since the machine's start; None: not counted here."""
+    """Return the time of waiting for a processor (PSI) since the machine's start; None: not counted here."""
     line = kernel_text(_PRESSURE).partition("\n")[0]
     return whole_number(_PRESSURE, line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
 

@@ -25,7 +25,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import NO_GENERATION, HostFacts, PartitionSettings, StartAction, State
-from rarms_iac.model.wording import reason_of
+from rarms_iac.providers.cgroups.attached import AttachedState
 from rarms_iac.providers.cgroups.definitions import (
     DefinitionFiles,
     GroupDefinition,
@@ -52,9 +52,11 @@ from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost
 from rarms_iac.providers.machines import changed, lack_of_memory
 from rarms_iac.running.kernel_files import UnreadableFile
+from rarms_iac.texts.messages import reason_of
+from rarms_iac.texts.plans import operation_text
 
 STATE_FOLDER = Path("/var/lib/rarms")
-ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
+ASK_DOCTOR = prose("Check the kernel: ", DOCTOR, ".")
 
 
 class LinuxHostProvider(JournaledHost):
@@ -83,6 +85,7 @@ class LinuxHostProvider(JournaledHost):
         self._folder = state_folder / host.linux.slice
         self._effects = LinuxEffects()
         self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
+        self._attached = AttachedState(host.name, self._folder, self._effects)
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
         self._host = host
         self._known_tree = tree
@@ -103,7 +106,7 @@ class LinuxHostProvider(JournaledHost):
             if isinstance(found, MissingFeatures):
                 raise HostRefused(
                     self.name,
-                    f"control groups need these, which are missing: {'; '.join(found.names)}",
+                    f"missing for control groups: {'; '.join(found.names)}",
                     "Run as root, with the controllers mounted so that groups can be made (docs/linux.md).",
                 )
             self._known_tree = found
@@ -125,9 +128,11 @@ class LinuxHostProvider(JournaledHost):
             return
         raise HostRefused(
             self.name,
-            f"the control group {self._linux.slice} exists, and {self._folder} has no record that rarms made it",
-            "Nothing was changed. Choose another name, such as `linux: { slice: rarms }`. If rarms made the group and "
-            f"its records are lost, restore {self._folder} or remove the group.",
+            f"the control group {self._linux.slice} exists, but {self._folder} has no record that rarms created it",
+            (
+                "Nothing was changed. Choose another name, for example `linux: { slice: rarms }`. If rarms "
+                f"created the group and its records are lost, restore {self._folder} or remove the group."
+            ),
         )
 
     @property
@@ -204,11 +209,13 @@ class LinuxHostProvider(JournaledHost):
         definitions = self._definitions.all()
         running = self._running(tree, definitions)
         known = [*definitions, *self._foreign(running, definitions)]
+        facts = replace(facts, real_time_percent=tree.real_time_percent())
         has_all = tree.usable_processors() == facts.logical_processors
         state = State(
             facts=facts if has_all else replace(facts, deadline_percent=0),
             partitions=to_partitions(known, running, self.boot, facts.logical_processors),
             serials=self._serials(),
+            attached="" if (attached := self._attached.record()) is None else attached.title,
         )
         return state, {definition.id: definition for definition in known}
 
@@ -231,13 +238,11 @@ class LinuxHostProvider(JournaledHost):
                 self.refuse_repeated(state, operation, scope)
                 self._add(restored_definition(operation))
             case Set(after=after) if after.keys().isdisjoint(settings_of(NO_GENERATION)):
-                raise self._plan_again(f"a control group cannot do this: {operation}")
+                raise self._plan_again(f"a control group cannot do this: {operation_text(operation)}")
             case RemoveDisk():
-                raise self._plan_again(f"a control group has no disk: {operation}")
+                raise self._plan_again(f"control groups do not have disks: {operation_text(operation)}")
             case _ if isinstance(operation, TaskOperation):
-                raise self._plan_again(
-                    f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}"
-                )
+                raise self._plan_again(f"MMCSS exists on Windows only: {operation_text(operation)}")
             case _:
                 partition = self.managed(state, operation.partition, scope, operation.machine)
                 self._change(known[partition.id], operation, state)
@@ -256,7 +261,7 @@ class LinuxHostProvider(JournaledHost):
             case RemovePartition():
                 if self._runs(definition):
                     raise self._plan_again(
-                        f"{definition.settings.name} is running, and only a partition that is off can be removed"
+                        f"{definition.settings.name} is running; only a partition that is off can be removed"
                     )
                 if definition.boot == self.boot:  # systemd remembers a group that is off since a restart
                     self.tree.remove(definition.group)
@@ -310,6 +315,7 @@ class LinuxHostProvider(JournaledHost):
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
         if not self._runs(definition):
             return
+        self.restore_attached()  # its processes would be ended with the group
         self.tree.ask_to_end(definition.group, grace_ms)
         self._definitions.save(replace(definition, boot=""))
         self.tree.remove(definition.group)
@@ -318,6 +324,7 @@ class LinuxHostProvider(JournaledHost):
     def _recover(self) -> None:
         """Undo what a killed run left half done; the definitions have what was there before."""
         self._refuse_files_of_others()
+        self.restore_attached()
         with self.kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions.all():
@@ -333,6 +340,16 @@ class LinuxHostProvider(JournaledHost):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
                 self.tree.write(definition.group, self._values(definition.settings))
         self._definitions.save(replace(definition, changing=False))
+
+    def restore_attached(self) -> None:
+        """Give back to a service or container what it had before it was measured, where that was not done yet.
+
+        Raises:
+            HostError: it cannot be given back; its record stays.
+        """
+        if (record := self._attached.record()) is not None:
+            with self.kernel_errors(record.title):
+                self._attached.restore(self.tree, read_boot(self._effects))
 
     def _start_with_machine(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
@@ -385,7 +402,8 @@ class LinuxHostProvider(JournaledHost):
             yield
         except UnreadableFile as problem:
             look = (
-                f"Compare {problem.file.as_posix()} with what the kernel documents; a tool may have put a file over it."
+                f"Compare {problem.file.as_posix()} with the kernel's documentation. A tool may have mounted a "
+                "file over it."
             )
             raise HostFailed(self.name, f"{problem}", look) from problem
         except OSError as problem:

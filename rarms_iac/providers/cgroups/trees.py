@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rarms_iac.providers.cgroups.effects import LinuxEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects, below_first
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues, whole_pages
 from rarms_iac.running.kernel_files import UnreadableFile, entry_of, number_or_max, processor_list, whole_number
-from rarms_iac.running.start import ProcessPlace
+from rarms_iac.running.orders import ProcessPlace
 
 CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
@@ -60,6 +60,9 @@ class GroupTreeV1(GroupTree):
     def throttled_ms(self, name: str) -> float:
         return self._entry_in("cpu", name, "cpu.stat", "throttled_time") / 1e6
 
+    def used_memory(self, name: str) -> int | None:
+        return self._memory_in(name, "total_rss", "total_shmem")
+
     def usable_processors(self) -> int:
         folder = self._slices["cpuset"]
         there = folder if self._effects.has_folder(folder) else folder.parent
@@ -70,6 +73,18 @@ class GroupTreeV1(GroupTree):
         if percent is not None:
             self._write("cpu", name, "cpu.cfs_period_us", str(period_us))
             self._write("cpu", name, "cpu.cfs_quota_us", str(self._quota_us(percent, period_us)))
+
+    def remove(self, name: str) -> None:
+        """Remove the group, and what container engines made of its name in hierarchies that rarms does not use."""
+        super().remove(name)
+        slice_folder = self._slices["cpu"]
+        root = slice_folder.parents[1]
+        for hierarchy in self._effects.folders(root):
+            folder = root / hierarchy / slice_folder.name
+            if folder not in self._folders:
+                for group in below_first(self._effects, folder / name):
+                    self._effects.remove_empty(group)
+                self._effects.remove_empty(folder)
 
     def _prepare_slice(self) -> None:
         for folder in self._folders:
@@ -132,6 +147,9 @@ class GroupTreeV2(GroupTree):
 
     def throttled_ms(self, name: str) -> float:
         return self._entry_in("cpu", name, "cpu.stat", "throttled_usec") / 1e3
+
+    def used_memory(self, name: str) -> int | None:
+        return self._memory_in(name, "anon", "shmem")
 
     def usable_processors(self) -> int:
         folder = self._slices["cpu"]
@@ -312,7 +330,6 @@ def find_tree(
 
     Args:
         slice_name: the group below which those of rarms lie.
-        version: automatic, v1 or v2.
         effects: of the machine; None: this one.
         root: where control groups are mounted: `sys/fs/cgroup` below the folder that is `/`.
 
@@ -343,7 +360,7 @@ def _missing_v1(effects: LinuxEffects, root: Path) -> Iterator[str]:
         if not effects.has_file(root / name / "cgroup.procs"):
             yield f"the controller {name} of version 1 at {(root / name).as_posix()}"
         elif not effects.is_writable(root / name):
-            yield f"the right to make groups in {(root / name).as_posix()}"
+            yield f"the right to create groups in {(root / name).as_posix()}"
     if effects.has_file(root / "cpu" / "cpu.shares") and not effects.has_file(root / "cpu" / "cpu.cfs_quota_us"):
         yield _NO_QUOTAS
 
@@ -357,7 +374,7 @@ def _missing_v2(effects: LinuxEffects, root: Path) -> Iterator[str]:
         if name not in offered:
             yield f"the controller {name} of version 2 at {shown} (kernel parameter cgroup_enable={name})"
     if not effects.is_writable(root):
-        yield f"the right to make groups in {shown}"
+        yield f"the right to create groups in {shown}"
     groups = [root / name for name in effects.folders(root)]  # the root itself has neither file
     if any(effects.has_file(group / "cpu.weight") and not effects.has_file(group / "cpu.max") for group in groups):
         yield _NO_QUOTAS

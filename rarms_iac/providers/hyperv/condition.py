@@ -21,7 +21,7 @@ NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
 
 
 def condition_of(observation: HostObservation) -> Condition:
-    """Return how the host is, as far as it could be looked at."""
+    """Return the condition of the host, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
     visible, counters = observation.host_visible, observation.counters
@@ -56,7 +56,7 @@ def _lacks(probe: object, error: str) -> bool:
 _LOOKED_AT = {
     "the version of PowerShell": "powershell",
     "the version of Windows": "windows",
-    "the number of processors that Windows sees": "processors",
+    "the number of processors in Windows": "processors",
     "the NUMA nodes": "numa",
     "the CPU groups": "cpu_groups",
     "the multimedia task classes": "tasks",
@@ -88,7 +88,6 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
 
     Args:
         observation: of a host, or of the Windows inside a guest.
-        guest: only the registry counts.
 
     Returns:
         None where all was read; also where the caller has no right to see machines, which is a finding of its own.
@@ -100,7 +99,7 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
     if not unread or (not guest and rights_of(observation) is Rights.MISSING):
         return None
     message = "not everything could be read: " + "; ".join(f"{title}: {why}" for title, why in unread.items())
-    return HostFailed(host, message, "See to it as an administrator of that Windows, then look again.")
+    return HostFailed(host, message, "Check it as an administrator of that Windows, then run the same command again.")
 
 
 THOUSANDTHS = 1000
@@ -124,9 +123,11 @@ def _not_whole(machine: ObservedMachine, reserve: int, host: str) -> Diagnostic:
     exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
     return ROUNDED.at(
         None,
-        "WMI has a reserve of {exact} % for machine {name:quoted} ({machine}), the cmdlets show "
-        "{cmdlets_percent} %: another tool wrote it, and no cmdlet can.",
-        "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
+        (
+            "WMI has a reserve of {exact} % for machine {name:quoted} ({machine}), but the cmdlets show "
+            "{cmdlets_percent} %. Another tool wrote a value that the cmdlets cannot write."
+        ),
+        "Set a whole per cent with Set-VMProcessor -Reserve. Until then, plans use the value of the cmdlets.",
         address=f"machine/{machine.id}",
         host=host,
         machine=machine.id,

@@ -109,7 +109,7 @@ class GuestRun:
         return
 
     def evidence(self) -> SettingEvidence | None:
-        """Return what the hypervisor counted of each machine (FACTS 8)."""
+        """Return the hypervisor's counts of each machine (FACTS 8)."""
         if len(self._counters) < 2:
             return None
         before, last = self._counters[-2 if len(self._counters) == 2 else 1], self._counters[-1]
@@ -141,7 +141,7 @@ def _machine_set(partition: str) -> str:
 
 @dataclass(slots=True, kw_only=True)
 class _Counters:
-    """What the hypervisor had counted at a time, by set and machine: run times (100 ns), waits (ns), dispatches."""
+    """Counters of the hypervisor at a time, by set and machine: run times (100 ns), waits (ns), dispatches."""
 
     due: int  # ms of the host's clock: when it was to be read, the same for all sets
     at_ms: float

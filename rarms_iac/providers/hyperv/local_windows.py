@@ -5,6 +5,7 @@ import json
 import os
 import re
 import sys
+import time
 import warnings
 import winreg
 from collections.abc import Iterable, Iterator
@@ -25,11 +26,11 @@ import win32file
 import win32security
 import winerror
 
-from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
 from rarms_iac.providers.hyperv.transport import protect
 from rarms_iac.providers.hyperv.wmi_document import QUERIES, NotRead, RegistryKey, WmiInstance, local_document
 from rarms_iac.storage.reading import read_file
+from rarms_iac.texts.messages import reason_of
 
 assert sys.platform == "win32"
 
@@ -40,14 +41,16 @@ with warnings.catch_warnings():
 
 ACCESS_DENIED, NO_NAMESPACE = 0x80041003, 0x8004100E
 EXPLANATIONS = {
-    ACCESS_DENIED: "WMI lets only Administrators and Hyper-V Administrators ask that",
-    NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
+    ACCESS_DENIED: "only Administrators and Hyper-V Administrators may read this from WMI",
+    NO_NAMESPACE: "this Windows does not have the WMI namespace: the role Hyper-V is not installed",
 }
 OWNER = "owner.txt"  # of `templates/powershell/Rarms/Rarms.psm1`: open while a run holds the computer
 ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """As `templates/powershell/Rarms/Rarms.psm1` has it."""
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
+MISSING = "PathNotFound"
+REPLACING_S, REPLACING_LOOKS = 0.05, 20
 KINDS = {
     winreg.REG_SZ: "String",
     winreg.REG_EXPAND_SZ: "ExpandString",
@@ -60,7 +63,7 @@ KINDS = {
 
 
 def observe_here() -> str:
-    """Return what `observe.ps1` would print here, a line of JSON, without starting PowerShell."""
+    """Return the output of `observe.ps1` here, a line of JSON, without starting PowerShell."""
     return json.dumps(local_document(ThisWindows()), separators=(",", ":"))
 
 
@@ -87,7 +90,7 @@ class ThisWindows:
             (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
             texts = [given for given in service.GetVirtualHardDiskSettingData(Path=path) if "<INSTANCE" in str(given)]
             if not texts:
-                raise NotRead("NotFound", f"Hyper-V tells nothing of {path}")
+                raise NotRead("NotFound", f"Hyper-V does not report {path}")
             return str(texts[0])
 
         text = self._asked(namespace_of("Msvm_"), ask)
@@ -137,23 +140,25 @@ class ThisWindows:
         text = win32evtlog.EvtRender(events[0], win32evtlog.EvtRenderEventXml) if events else ""
         data = re.search(r"<Data[^>]*>(0[xX][0-9A-Fa-f]+|[0-9]+)</Data>", text)
         if data is None:
-            raise NotRead("NoMatchingEventsFound", "the log has no event 2 of the hypervisor any more")
+            raise NotRead("NoMatchingEventsFound", "the event log does not have event 2 of the hypervisor any more")
         return int(data[1], 0)
 
     def journal(self) -> tuple[str, str]:
+        """Return its owner and its text. A run that begins replaces it, and for a moment the name is missing."""
         path = own_folder() / "journal.jsonl"
-        try:
-            text = read_file(path, MAX_BYTES).decode("ascii", "replace")
-            owned = win32security.GetFileSecurity(str(path), win32security.OWNER_SECURITY_INFORMATION)
-            owner = win32security.ConvertSidToStringSid(owned.GetSecurityDescriptorOwner())
-        except (OSError, pywintypes.error) as problem:
-            raise _not_read(problem, str(path)) from problem
-        return owner, text
+        for _ in range(REPLACING_LOOKS):
+            found = _owner_and_text(path)
+            if not isinstance(found, NotRead):
+                return found
+            if found.error != MISSING or not (path.exists() or path.with_name(f"{path.name}.new").exists()):
+                break
+            time.sleep(REPLACING_S)
+        raise found
 
     def is_script_running(self) -> bool:
         """Return whether a run has the script's file open: it shares the file for reading only."""
         path = str(own_folder() / OWNER)
-        share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE
+        share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE | win32con.FILE_SHARE_DELETE
         try:
             file = win32file.CreateFile(path, win32con.GENERIC_WRITE, share, None, win32con.OPEN_EXISTING, 0, None)
         except pywintypes.error as problem:
@@ -261,10 +266,19 @@ def _value(name: str, data: Any, kind: int) -> tuple[str, str, int | str]:
             return name, KINDS.get(kind, "Unknown"), "" if data is None else str(data)
 
 
+def _owner_and_text(path: Path) -> tuple[str, str] | NotRead:
+    try:
+        text = read_file(path, MAX_BYTES).decode("ascii", "replace")
+        owned = win32security.GetFileSecurity(str(path), win32security.OWNER_SECURITY_INFORMATION)
+        return win32security.ConvertSidToStringSid(owned.GetSecurityDescriptorOwner()), text
+    except (OSError, pywintypes.error) as problem:
+        return _not_read(problem, str(path))
+
+
 def _not_read(problem: Any, path: str) -> NotRead:
     code = getattr(problem, "winerror", None)
     if isinstance(problem, PermissionError) or code == 5:
         return NotRead("UnauthorizedAccess", f"{path} may not be read", denied=True)
     if isinstance(problem, FileNotFoundError) or code in (2, 3):
-        return NotRead("PathNotFound", f"there is no {path}")
+        return NotRead(MISSING, f"{path} does not exist")
     return NotRead(f"Win32Error{code}", f"{path}: {reason_of(problem)}")

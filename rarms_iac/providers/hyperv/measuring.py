@@ -18,12 +18,11 @@ from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.setting import PartitionShape, PlatformFacts
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.measuring import GuestWork, render_measuring, script_name
 from rarms_iac.providers.channel import Conversation, SilenceTimeout, no_look
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.provider import LiveHypervHost, read_event
-from rarms_iac.providers.hyperv.transport import STOP, Transport, arguments_of, end_of
+from rarms_iac.providers.hyperv.transport import FAILED, STOP, Transport, arguments_of, end_of
 from rarms_iac.providers.interface import (
     NO_WAITING,
     EventKind,
@@ -36,9 +35,10 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
+from rarms_iac.running.environment import PERIOD_VARIABLE
 from rarms_iac.running.loads import FLAGS, HERE
-from rarms_iac.running.start import PERIOD_VARIABLE
 from rarms_iac.storage.reading import read_file
+from rarms_iac.texts.messages import last_words, reason_of
 
 MEMORY_MS = 100.0
 """How long the past influences the hypervisor's scheduling. No page tells; taken as the simulated host has it."""
@@ -65,7 +65,6 @@ class HypervMeasuringHost(LiveHypervHost):
         """Prepare; nothing is read before the first call.
 
         Args:
-            signed: as of `LiveHypervHost`.
             base: the manifest's folder, where the files of components lie.
             credentials: by partition, under which name the host keeps what its guest is entered with.
         """
@@ -107,10 +106,12 @@ class HypervMeasuringHost(LiveHypervHost):
         if in_its_partition:
             return self._obstacle_in_guest(subject)
         if not self._settings.image:
-            return Obstacle("its test partitions have no disk", "Name that of a Windows: `hyperv: { image: ... }`.")
-        if isinstance(subject, Component) and subject.task is not None:
             return Obstacle(
-                f"its guest would know the class {subject.task} only after a restart, which rarms does not do",
+                "its test partitions have no disk", "Write the image of a Windows: `hyperv: { image: ... }`."
+            )
+        if isinstance(subject, Component) and subject.task_class is not None:
+            return Obstacle(
+                f"its guest reads the class {subject.task_class} only after a restart, which rarms does not do",
                 prose(
                     "Write its `cpu: { reserve: ... }` yourself: ", command("prove"), " runs it in its own partition."
                 ),
@@ -120,18 +121,31 @@ class HypervMeasuringHost(LiveHypervHost):
     def _obstacle_in_guest(self, subject: Component | Interference) -> Obstacle | None:
         """Say why it cannot run in a guest that has its task class."""
         if isinstance(subject, Stress):
-            return Obstacle("stress-ng is no program of Windows", "Name another load as its `interference`.")
+            return Obstacle("stress-ng does not run on Windows", "Use another load as its `interference`.")
         if not isinstance(subject, Component):
             return None
         return NO_RUN if subject.run is None else self._obstacle_of_run(subject.run)
 
     def _obstacle_of_run(self, run: Run) -> Obstacle | None:
         if isinstance(run.start, Call):
-            return Obstacle("guests run commands, and no function of Python", "Write a `command` that calls it.")
+            return Obstacle("guests run commands, not Python functions", "Write a `command` that calls it.")
+        if not isinstance(run.start, Command):
+            return Obstacle("guests run commands only", "Write a `command` that starts it.")
+        if run.user or run.groups or run.setup or run.environment_file:
+            return Obstacle(
+                "users, setup files and files of variables are for Linux only", "Remove them from its `run`."
+            )
+        if run.samples.file or run.samples.socket:
+            return Obstacle("rarms reads only the standard output of a guest", "Write samples to standard output.")
+        if run.samples.source == "ros":
+            return Obstacle("guests do not have ROS", "Measure it on a Linux host.")
         if run.samples.stream == "stderr":
-            return Obstacle("a guest passes on standard output only", "Write samples to standard output.")
+            return Obstacle("rarms reads only the standard output of a guest", "Write samples to standard output.")
         if taken := [name for name, value in run.environment.items() if isinstance(value, FromEnvironment)]:
-            return Obstacle(f"{taken[0]} is rarms' own, and would stand in a script", "Set it in the image's Windows.")
+            return Obstacle(
+                f"{taken[0]} is a variable of rarms, and its value would be in a script",
+                "Set it in the image's Windows.",
+            )
         try:
             size = sum((self._base / run.folder / name).stat().st_size for name in run.files)
         except OSError as problem:
@@ -139,7 +153,7 @@ class HypervMeasuringHost(LiveHypervHost):
         if size <= LARGEST_FILES:
             return None
         return Obstacle(
-            f"its files have {size} bytes, and a script carries at most {LARGEST_FILES}",
+            f"its files have {size} bytes; a script can contain at most {LARGEST_FILES}",
             "Put them into the image of the guest.",
         )
 
@@ -208,22 +222,28 @@ class HypervMeasuringHost(LiveHypervHost):
         try:
             line = session.next_line(silence_s, no_look)
         except SilenceTimeout:
-            raise self._broken(f"the script said nothing for {silence_s:.0f} s") from None
+            raise self._broken(f"no output of the script for {silence_s:.0f} s") from None
         if line is None:
             match end_of(session):
                 case ScriptExited(code=code, last_lines=lines):
                     raise self._broken(f"the script ended: {last_words(' '.join(lines[-2:]), code)}")
                 case lost:
                     raise self._broken(f"the script was lost: {lost.why}")
+        if line.startswith(FAILED):
+            raise self._broken(f"the receiver of the script failed: {line.removeprefix(FAILED).strip(' .')}")
         event = read_event(line)
         if event is not None and event.status is EventStatus.REFUSED:
-            raise HostRefused(self.name, event.reason, "Correct that, then measure again: recorded settings are kept.")
+            raise HostRefused(
+                self.name, event.reason, "Correct the cause, then measure again. Results so far are saved."
+            )
         if event is not None and event.kind is EventKind.FAILED:
             raise self._broken(event.reason)
         return line
 
     def _broken(self, message: str) -> HostFailed:
-        return HostFailed(self.name, message, "Measure again: what is recorded is kept, and what is there is removed.")
+        return HostFailed(
+            self.name, message, "Measure again. Results so far are saved, and test partitions on the host are removed."
+        )
 
     @contextmanager
     def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[Conversation]:
@@ -265,7 +285,7 @@ class HypervMeasuringHost(LiveHypervHost):
     def _guest_works(
         self, partitions: Sequence[PartitionWork], shapes: Sequence[PartitionShape]
     ) -> tuple[GuestWork, ...]:
-        """Return what runs inside guests, as the script is told it.
+        """Return the work inside guests, in the script's form.
 
         Raises:
             HostRefused: something cannot run there.

@@ -21,7 +21,7 @@ MAX_BYTES = 64 * 2**20
 NOT_LOOKED_FOR: Json = {
     "status": "absent",
     "error": "NotLookedFor",
-    "message": "the script that looked does not know this probe",
+    "message": "the script does not have this probe",
 }
 
 T = TypeVar("T")
@@ -47,7 +47,7 @@ class PowerShell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Windows:
-    """Which Windows it is."""
+    """The version of a Windows."""
 
     build: int
     installation: str  # Client, Server, Server Core
@@ -146,7 +146,7 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ToldByGuest:
-    """What a guest claims of its system: items of the key-value exchange as XML, none where its service is off."""
+    """The claims of a guest about its system: items of the key-value exchange as XML, none where its service is off."""
 
     machine: str  # id
     system: tuple[str, ...]
@@ -189,7 +189,7 @@ class RecordKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalText:
-    """The journal as it lies there, and the SID of who owns it; empty where there is no Windows."""
+    """The journal as it lies there, and the SID of who owns it; empty without a Windows."""
 
     owner: str
     text: str
@@ -197,7 +197,7 @@ class JournalText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScopedPolicy:
-    """Which scripts may run, as one scope says; the first that is not Undefined decides."""
+    """The execution policy of one scope; the first that is not Undefined decides."""
 
     scope: str  # MachinePolicy, UserPolicy, Process, CurrentUser, LocalMachine, in this order
     policy: str
@@ -265,7 +265,7 @@ def document_of(data: bytes) -> Json:
         lines = [line for line in text.splitlines() if line.startswith(_BEGINNING)]
         return parse_json(lines[-1] if lines else text)
     except UnicodeDecodeError as error:
-        raise NotDecodable("", f"it is no text in {error.encoding}") from None
+        raise NotDecodable("", f"it is not text in {error.encoding}") from None
 
 
 def is_observation(document: Json) -> bool:
@@ -280,12 +280,12 @@ def observation_of(document: Json) -> HostObservation:
         NotDecodable: it is none of this format, or not as the script writes it.
     """
     if not isinstance(document, dict) or "format" not in document:
-        raise NotDecodable("", "it has no `format`: it is not what observe.ps1 prints")
+        raise NotDecodable("", "it has no `format`, so it is not the output of observe.ps1")
     if document["format"] != FORMAT:
         raise NotDecodable("format", f"this rarms reads {FORMAT}, not {quoted(document['format'])}")
     hints = _probes()
     if unknown := document.keys() - hints.keys() - {"format", "computer"}:
-        raise NotDecodable(min(unknown), "this rarms does not know what was looked at there")
+        raise NotDecodable(min(unknown), "this rarms does not know its probes")
     computer = decode_union(str, document.get("computer"))
     found = HostObservation(computer=computer, **{name: _probe(document, name, hint) for name, hint in hints.items()})
     _check_machines(found)

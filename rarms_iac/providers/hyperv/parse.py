@@ -75,7 +75,7 @@ def cpu_groups_of(observation: HostObservation) -> Mapping[str, str]:
 
 
 def ties_of(machine: ObservedMachine, groups: Mapping[str, str]) -> tuple[Tie, ...]:
-    """Return what a machine is tied to.
+    """Return the ties of a machine.
 
     Args:
         groups: by id of a machine: its CPU group.
@@ -338,7 +338,7 @@ def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
     One that belongs to neither Administrators nor SYSTEM was planted: it must not tell an administrator what to do.
     """
     if owner not in TRUSTED:
-        advice = "Find out who put it there, then remove it. A script refuses to run while it is there."
+        advice = "Find out who created it, then remove it. Scripts do not run while it exists."
         return UnusableJournal(problem=f"belongs to {owner}, not to Administrators or SYSTEM", advice=advice)
     try:
         started, steps, closed = split_run(records_in(text.encode("utf-8", "surrogatepass"), Path(JOURNAL)))
@@ -349,11 +349,11 @@ def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
         why = f"line {error.line}: {error.message}"
     except NotDecodable as error:
         why = str(error)
-    return UnusableJournal(problem=f"is damaged: {why}", advice="Look at what the last run did, then remove the file.")
+    return UnusableJournal(problem=f"is damaged: {why}", advice="Check what the last run did, then remove the file.")
 
 
 def serials_of(observation: HostObservation) -> Mapping[str, int]:
-    """Return how many applies and undos there were, by application; none if the journal is not to be believed."""
+    """Return the number of applies and undos by application; none if the journal is not to be believed."""
     run = last_run_of(observation)
     return dict(sorted(run.started.serials.items())) if isinstance(run, ScriptRun) else {}
 
@@ -408,7 +408,7 @@ def _named(kind: type[E], name: str, machine: ObservedMachine, field: str) -> E:
     """Return the member whose name Hyper-V writes as one word, such as StartIfRunning."""
     names = {member.name.title().replace("_", ""): member for member in kind}
     if name not in names:
-        raise NotDecodable(f"machines[{machine.id}].{field}", f"{quoted(name)} is none of {', '.join(names)}")
+        raise NotDecodable(f"machines[{machine.id}].{field}", f"{quoted(name)} is not one of {', '.join(names)}")
     return names[name]
 
 

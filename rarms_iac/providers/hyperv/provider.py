@@ -10,7 +10,6 @@ from rarms_iac.model.host import Connect, Host, WinRmConnect
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import last_words, reason_of
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel, ssh_channel
@@ -39,6 +38,7 @@ from rarms_iac.providers.interface import (
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import read_file
+from rarms_iac.texts.messages import last_words, reason_of
 
 OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
@@ -143,7 +143,7 @@ class LiveHypervHost:
         """Look at the host now, or read what the one look gave.
 
         Raises:
-            HostFailed: the host cannot be reached, or what it answers is no observation.
+            HostFailed: the host cannot be reached, or what it answers is not an observation.
         """
         return self._parse(self._document_text())
 
@@ -166,7 +166,7 @@ class LiveHypervHost:
         return powershell.edition == "Core" and windows.build < NATIVE_BUILD
 
     def _fetch(self) -> str:
-        """Return what `observe.ps1` prints, or on this computer what WMI and the registry show."""
+        """Return the output of `observe.ps1`, or on this computer the same from WMI and the registry."""
         if sys.platform == "win32" and isinstance(self._transport, LocalTransport):
             from rarms_iac.providers.hyperv.local_windows import observe_here
 
@@ -177,7 +177,7 @@ class LiveHypervHost:
         match ended:
             case ScriptLost(why=why):
                 raise HostFailed(
-                    self.name, f"it could not be observed: {why}", "Look whether it is busy, then try again."
+                    self.name, f"it could not be observed: {why}", "Check whether it is busy, then try again."
                 )
             case ScriptExited(code=0):
                 return document.text
@@ -193,8 +193,10 @@ class LiveHypervHost:
             raise self._unreadable(str(error)) from None
 
     def _unreadable(self, message: str) -> HostFailed:
-        advice = prose("Run the script there by hand and look: ", command("snapshot", script=True), " writes it.")
-        return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
+        advice = prose(
+            "Run the script there by hand and check its output: ", command("snapshot", script=True), " writes it."
+        )
+        return HostFailed(self.name, f"the output of {OBSERVE} cannot be read: {message}", advice)
 
 
 def open_hyperv(host: Host, signed_folder: Path, channel: CommandChannel | None) -> LiveHypervHost:

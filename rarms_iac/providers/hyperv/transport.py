@@ -11,6 +11,7 @@ import re
 import shutil
 import sys
 import tempfile
+import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -59,12 +60,12 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1")
 
 
 def render_receiver() -> bytes:
-    """Return what takes scripts from standard input and runs the first: its text travels ahead of them."""
+    """Return the script that takes others from standard input and runs the first: its text travels ahead of them."""
     return fill("bootstrap.ps1.j2", {"receiver": receiver_text()})
 
 
 def render_loader() -> bytes:
-    """Return what ssh starts, as a reader sees it: it runs the receiver of exactly this version."""
+    """Return the short script that ssh starts, for a reader: it runs the receiver of exactly this version."""
     return fill("loader.ps1.j2", {"digest": hashlib.sha256(render_receiver()).hexdigest().upper()})
 
 
@@ -85,7 +86,7 @@ def render_installed_receiver() -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class RemotePowerShell:
-    """What is started at the other end: a PowerShell, and in it what takes scripts from standard input."""
+    """The program at the other end: a PowerShell, and in it the receiver of scripts from standard input."""
 
     shell: str
     receiver: Receiver = Receiver.SENT
@@ -145,14 +146,14 @@ STOPPING_SECONDS = 120.0  # for a script to remove what it made
 _INSTALLING = prose(
     "Have ",
     commands.command("show", transport=True, out="FOLDER"),
-    " write it, sign its files where only signed ones run, and copy FOLDER\\Rarms into "
+    " write it, sign its files if the host runs only signed scripts, and copy FOLDER\\Rarms to "
     + INSTALLED_FILE.rpartition("\\Rarms\\")[0]
     + " there.",
 )
 
 
 class Listener(Protocol):
-    """Who runs a script: told each line, and asked whether to stop."""
+    """The caller of a script's run: it gets each line, and is asked for a stop."""
 
     def line(self, text: str) -> None:
         """Take a line of the script's standard output."""
@@ -167,7 +168,7 @@ class Transport(Protocol):
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> AbstractContextManager[Conversation]:
         """Run these bytes there, and talk with them. When the context ends, or rarms dies, the script is asked to stop.
 
-        What is sent becomes the file beside the script that ends with `.next`; a text without a dot asks it to stop.
+        What is sent becomes the file next to the script that ends with `.next`; a text without a dot asks it to stop.
 
         Raises:
             HostFailed: there was no way to it; nothing was run.
@@ -233,9 +234,11 @@ class ScriptTransport:
                 yield conversation
             finally:  # it removes what it made
                 conversation.send(STOP)
+                until = time.monotonic() + STOPPING_SECONDS  # one that nobody can stop may say something for ever
                 with suppress(SilenceTimeout):
-                    while conversation.next_line(STOPPING_SECONDS, no_look) is not None:
-                        continue
+                    while conversation.next_line(max(0.0, until - time.monotonic()), no_look) is not None:
+                        if time.monotonic() > until:
+                            break
 
     def in_windows_powershell(self) -> "ScriptTransport":
         return ScriptTransport(self._host, self._channel, replace(self._there, shell=WINDOWS_POWERSHELL))
@@ -260,9 +263,10 @@ class LocalChannel(LiveChannel):
             return open_channel(self.host, (found, *options))
         raise HostFailed(
             self.host,
-            f"{' or '.join(PROGRAMS.values())} is not on this computer, which the manifest says is the host",
+            f"{' or '.join(PROGRAMS.values())} is not on this computer, which is the host in the manifest",
             prose(
-                "Say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that ",
+                "Write the connection to the host (`connect: {ssh: user@host}`). Measuring needs the host. A plan does "
+                "not: run the script that ",
                 commands.command("snapshot", script=True),
                 " writes there, then ",
                 commands.command("plan", snapshot=f"{self.host}=FILE"),
@@ -319,7 +323,7 @@ def _await_bootstrap(conversation: Conversation, host: str, channel: CommandChan
     end = f"on {target} (exit code {conversation.code()}): {last_of(conversation.error_lines)}"
     if there.receiver is Receiver.INSTALLED:
         raise HostFailed(host, f"the module Rarms does not answer {end}", _INSTALLING)
-    advice = "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`."
+    advice = "Write the PowerShell of the host into the manifest: `connect.shell: pwsh` or `powershell`."
     raise HostFailed(host, f"{there.program} does not start {end}", advice)
 
 
@@ -339,7 +343,7 @@ def follow(
             else:
                 listener.line(line)
     except SilenceTimeout:
-        return ScriptLost(why=f"it said nothing for {silence_s:.0f} s")
+        return ScriptLost(why=f"no output for {silence_s:.0f} s")
     ended = end_of(conversation)
     if refusal and isinstance(ended, ScriptExited) and ended.code == FAILED_CODE:
         raise HostFailed(host, f"the scripts did not arrive as sent: {refusal}", "Run it again.")
@@ -347,10 +351,10 @@ def follow(
 
 
 def end_of(conversation: Conversation) -> ScriptExited | ScriptLost:
-    """Return how a script ended that has no more lines."""
+    """Return the ending of a script that has no more lines."""
     code = conversation.code()
     if code is None:
-        return ScriptLost(why="it closed its output and did not end")
+        return ScriptLost(why="it closed its output but did not end")
     return ScriptExited(code=code, last_lines=conversation.error_lines)
 
 

@@ -14,16 +14,17 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from rarms_iac.model.host import WinRmConnect
-from rarms_iac.model.wording import reason_of
 from rarms_iac.providers.channel import (
     LAST_SECONDS,
     LONGEST_LINE,
     SSH_FAILED,
     LiveChannel,
     QueuedConversation,
+    as_text,
     not_reached,
 )
 from rarms_iac.providers.interface import HostFailed
+from rarms_iac.texts.messages import reason_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,8 +57,11 @@ class ServiceChannel(LiveChannel):
     def refusal_to_measure(self) -> HostFailed:
         return HostFailed(
             self.host,
-            "it cannot be measured over WinRM, which does not tell a host when rarms ends: test partitions would stay",
-            "Reach it by ssh to measure (`connect: {ssh: user@host}`), or run rarms on the host itself.",
+            (
+                "rarms cannot measure over WinRM: if rarms ends, the host does not notice and test partitions "
+                "would remain"
+            ),
+            "To measure, connect with ssh (`connect: {ssh: user@host}`), or run rarms on the host itself.",
         )
 
     @contextmanager
@@ -93,7 +97,7 @@ class ServiceChannel(LiveChannel):
                 process.begin_invoke()
             except (WinRMError, OSError) as error:
                 message = f"{program} cannot be started on {self.target}: {reason_of(error)}"
-                raise HostFailed(self.host, message, "Look into the host's log of WinRM, then run it again.") from None
+                raise HostFailed(self.host, message, "Check the WinRM log of the host, then run it again.") from None
             yield opened.enter_context(RemoteProgram(process))
 
 
@@ -197,5 +201,5 @@ class RemoteProgram(QueuedConversation):
             lines, self._rest = [*lines, self._rest], b""
         for line in lines:
             self._lines.put(line)
-        self._errors.extend(filter(None, map(str.strip, self._process.stderr.decode("utf-8", "replace").splitlines())))
+        self._errors.extend(filter(None, map(str.strip, as_text(self._process.stderr).splitlines())))
         self._process.stdout = self._process.stderr = b""

@@ -98,7 +98,7 @@ class NotRead(Exception):
 
 
 class WmiSource(Protocol):
-    """What this computer's WMI answers; each raises `NotRead`."""
+    """The answers of this computer's WMI; each raises `NotRead`."""
 
     def computer(self) -> str:
         """Return the computer's name."""
@@ -120,7 +120,7 @@ def read_hypervisor_running(source: WmiSource) -> Json:
     """Return whether this Windows started under the hypervisor; older ones do not say."""
     systems = source.instances("Win32_ComputerSystem")
     if not systems or systems[0]["HypervisorPresent"] is None:
-        raise NotRead("NotFound", "this Windows does not say whether a hypervisor runs")
+        raise NotRead("NotFound", "this Windows does not report whether a hypervisor runs")
     return bool(systems[0]["HypervisorPresent"])
 
 
@@ -130,7 +130,7 @@ def read_hypervisor(source: WmiSource) -> Json:
     nodes = source.instances("Msvm_NumaNode")
     systems = source.instances("Win32_ComputerSystem")
     if not services or not nodes or not systems:
-        raise NotRead("NotFound", "Hyper-V shows nothing of its host to this account", denied=True)
+        raise NotRead("NotFound", "Hyper-V does not show its host to this account", denied=True)
     return {
         "name": source.computer(),
         "logical_processors": sum(_int(node, "NumberOfLogicalProcessors") for node in nodes),
@@ -260,7 +260,7 @@ def paths_of_disks(source: WmiSource) -> Iterator[str]:
 
 
 def read_disk(source: WmiSource, path: str) -> Json:
-    """Return what a disk that a machine has is; of one that cannot be read only its path."""
+    """Return a machine's disk; of one that cannot be read only its path."""
     try:
         found = source.disk(path)
     except NotRead:
@@ -293,7 +293,7 @@ def read_firmware(source: WmiSource) -> Iterator[Json]:
 
 
 def read_guests(source: WmiSource) -> Json:
-    """Return what guests tell of their system."""
+    """Return the claims of guests about their system."""
     return [
         {
             "machine": _str(each, "SystemName").lower(),
@@ -329,7 +329,7 @@ def _int(instance: WmiInstance, name: str) -> int:
 def _named(names: Mapping[int, str], instance: WmiInstance, name: str) -> str:
     number = _int(instance, name)
     if number not in names:
-        raise NotRead("UnknownNumber", f"{name} is {number}, which has no name")
+        raise NotRead("UnknownNumber", f"{name} is {number}, which is unknown")
     return names[number]
 
 
@@ -361,7 +361,7 @@ class RegistryKey:
 
 
 class LocalWindows(WmiSource, Protocol):
-    """What this computer's Windows answers; each raises `NotRead`."""
+    """The answers of this computer's Windows; each raises `NotRead`."""
 
     def bits(self) -> int:
         """Return the word size of this process."""

@@ -118,9 +118,9 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         if not isinstance(subject, Component) or subject.simulation is not None:
             return None
         return Obstacle(
-            "it does not say what it demands on a simulated host",
+            "its demand on a simulated host is not given",
             prose(
-                "Give it `simulation: { work: 20 ms }`, or measure on a real host: ",
+                "Add `simulation: { work: 20 ms }`, or measure on a real host: ",
                 command("run", "COMPONENT"),
                 " tries it.",
             ),
@@ -168,7 +168,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
     def _demand(self, component: Component, content: Content, machine: str) -> JobDemand:
         if obstacle := self.obstacle(component):
             raise HostRefused(self.name, f"{component.name}: {obstacle.reason}", obstacle.advice)
-        return demand_of(component, _priority(component.task, content, machine))
+        return demand_of(component, _priority(component.task_class, content, machine))
 
 
 @dataclass(slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The simulated host: a file that behaves like a Hyper-V host, with journal and lock beside it."""
+"""The simulated host: a file that behaves like a Hyper-V host, with journal and lock next to it."""
 
 import time
 from collections.abc import Callable
@@ -56,7 +56,7 @@ ROBOTS = "hosts"
 class SimulatedHostProvider(JournaledHost):
     """A `StepwiseHost` that needs nothing installed.
 
-    `path` is the host's file, `.rarms/hosts/<name>.json` beside the manifest; the journal lies beside it as
+    `path` is the host's file, `.rarms/hosts/<name>.json` next to the manifest; the journal lies next to it as
     `<name>.journal.jsonl`, the lock as `<name>.lock`. The caller chooses another name for another set of overlays.
     """
 
@@ -98,18 +98,18 @@ class SimulatedHostProvider(JournaledHost):
         if effect is FaultEffect.REFUSE:
             self.save(_with_strike(before, name))
             raise HostRefused(
-                self.name, f"the fault {name} refuses {call_name(operation)}", "Take it out of the manifest."
+                self.name, f"the fault {name} refuses {call_name(operation)}", "Remove it from the manifest."
             )
         self.save(_with_strike(after, name))
         if effect is FaultEffect.LATE:
             self._sleep(float(fault[1].delay) / 1000)
             return
         raise HostFailed(
-            self.name, f"the fault {name} makes {call_name(operation)} fail", "Take it out of the manifest."
+            self.name, f"the fault {name} makes {call_name(operation)} fail", "Remove it from the manifest."
         )
 
     def load(self) -> Content:
-        """Read what is on the host; an empty machine where there is no file.
+        """Read what is on the host; an empty machine without a file.
 
         Raises:
             HostDamaged: the file is not as it was written.

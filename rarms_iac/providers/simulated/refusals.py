@@ -80,7 +80,7 @@ def refuse_change(
             raise Refusal(f"{machine.settings.name} is changing its state", "Try again in a moment.")
         case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
             state = f"{machine.settings.name} is {machine.state.value}"
-            raise Refusal(f"{state}, and only a machine that is off can be removed", "Stop it first.")
+            raise Refusal(f"{state}; only a machine that is off can be removed", "Stop it first.")
         case _:
             pass
 
@@ -91,7 +91,7 @@ def _refuse_setting(
     settings = machine.settings
     for setting in sorted(operation.after.keys() - {*settings_of(settings.generation)}):
         raise Refusal(
-            f"{settings.name} is of generation {settings.generation}, which has no {LABELS[setting]}",
+            f"{settings.name} has generation {settings.generation}, which does not have {LABELS[setting]}",
             "Make it again.",
         )
     if operation.facet is Facet.MEMORY:
@@ -114,12 +114,12 @@ def refuse_task_change(registry: Registry, operation: TaskOperation) -> None:
             if problem := _impossible_key(task) or _impossible_values(wanted):
                 raise Refusal(f"{described}: {problem}", "Correct it.")
         case RemoveTaskClass() if values is None:
-            raise Refusal(f"there is no {described}", PLAN_AGAIN)
+            raise Refusal(f"{described} does not exist", PLAN_AGAIN)
         case WriteTaskRecord(record=TaskRecord(application=application)) | EraseTaskRecord(application=application):
             if record is not None and record.application != application:
                 raise Refusal(
                     f"{described} belongs to the application {record.application}",
-                    "Take it out of one of the two manifests.",
+                    "Remove it from one of the two manifests.",
                 )
         case _:
             pass
@@ -136,9 +136,9 @@ def _impossible_values(values: Mapping[str, RegistryValue]) -> str:
         return "two values differ only by case"
     for name, value in values.items():
         if value.kind is ValueKind.DWORD and not (isinstance(value.data, int) and 0 <= value.data < 2**32):
-            return f"{name} is no 32-bit number"
+            return f"{name} is not a 32-bit number"
         if value.kind is ValueKind.SZ and not isinstance(value.data, str):
-            return f"{name} is no text"
+            return f"{name} is not text"
     return ""
 
 
@@ -146,7 +146,7 @@ def refuse_disk_removal(content: Content, operation: RemoveDisk) -> None:
     """Refuse to delete a disk that is not there or in use."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        raise Refusal(f"there is no disk {operation.path}", PLAN_AGAIN)
+        raise Refusal(f"the disk {operation.path} does not exist", PLAN_AGAIN)
     if live["used"]:
         raise Refusal(f"{operation.path} is in use", "Remove what has it first.")
 
@@ -155,7 +155,7 @@ def _refuse_running(machine: SimulatedMachine, setting: str) -> None:
     if machine.state is RunState.OFF:
         return
     raise Refusal(
-        f"{machine.settings.name} is {machine.state.value}, and {setting} can only change while it is off",
+        f"{machine.settings.name} is {machine.state.value}; {setting} can only change while it is off",
         "Stop it first.",
     )
 
@@ -192,7 +192,7 @@ def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts)
     if machine.state is RunState.RUNNING:
         return
     if machine.state in {RunState.BUSY, RunState.CRITICAL}:
-        raise Refusal(f"{machine.settings.name} is {machine.state.value}", "Look at the host.")
+        raise Refusal(f"{machine.settings.name} is {machine.state.value}", "Check the host.")
     _refuse_lack_of_memory(machine.settings, machine, content, facts)
     _refuse_lack_of_reserve(machine, content, facts)
 
@@ -235,7 +235,7 @@ def _others_with_resources(machine: SimulatedMachine, content: Content) -> list[
 def out_of_range(settings: PartitionSettings) -> str:
     """Describe what of the settings no machine can have; empty where all is possible (windows.md 1.1, 1.3, 2)."""
     if settings.generation not in MOST_PROCESSORS:
-        return f"there is no generation {settings.generation}, only 1 and 2"
+        return f"generation {settings.generation} does not exist, only 1 and 2"
     if not 0 < len(settings.name) <= LONGEST_NAME:
         return f"a machine's name has 1 to {LONGEST_NAME} characters, not {len(settings.name)}"
     most = MOST_PROCESSORS[settings.generation]

@@ -84,7 +84,7 @@ Entry = Chosen | Proven
 
 
 def read_entries(path: Path) -> tuple[Entry, ...]:
-    """Read all entries, oldest first; none if there is no file.
+    """Read all entries, oldest first; none without a file.
 
     Returns:
         Choices and proofs as they were made.
@@ -109,15 +109,12 @@ def _entry_in(record: dict[str, Json]) -> Entry:
     entry: Entry = decode_union(Entry, record)
     for number, proven in enumerate(entry.indexes if isinstance(entry, Proven) else ()):
         if find_index(proven.index) is None:
-            raise NotDecodable(f"indexes[{number}].index", f"rarms has no index {quoted(proven.index)}")
+            raise NotDecodable(f"indexes[{number}].index", f"the index {quoted(proven.index)} is unknown")
     return entry
 
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
     """Return the choice that holds.
-
-    Args:
-        entries: oldest first.
 
     Returns:
         None: not chosen yet.
@@ -228,7 +225,7 @@ class TuningRun:
 
 
 def tuning_path(folder: Path, platform: str) -> Path:
-    """Return the path below the manifest's folder; components have folders there, so it is no component's.
+    """Return the path below the manifest's folder; components have folders there, so it cannot be a component's.
 
     Returns:
         The path; whether there is such a file is not looked at.
@@ -253,7 +250,7 @@ def append_run(path: Path, run: TuningRun) -> None:
 
 
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
-    """Read all runs, oldest first; none if there is no file.
+    """Read all runs, oldest first; none without a file.
 
     Returns:
         The runs as they were recorded.
@@ -278,5 +275,5 @@ def _run_in(record: dict[str, Json]) -> TuningRun:
     run = decode(TuningRun, record)
     groups = [each.components for kind in (run.partitions, run.trail, run.doubts) for each in kind]
     if not all(groups):
-        raise NotDecodable("", "a compound or a partition has no component")
+        raise NotDecodable("", "a compound or a partition does not have a component")
     return run

@@ -139,7 +139,7 @@ def _numbered_values(
 
 
 def read_log(path: Path) -> LogFile | None:
-    """Read a data log, without a last line that a crash tore; None where there is no file.
+    """Read a data log, without a last line that a crash tore; None without a file.
 
     As long as a process has the log, and the file is the same, it is not read again: a long one takes a second.
 
@@ -163,7 +163,7 @@ _logs_in_use: WeakValueDictionary[Hashable, LogFile] = WeakValueDictionary()
 
 
 def _version_of(path: Path) -> Hashable | None:
-    """Return what tells a file from every other, and from itself once it was written to; None: there is none."""
+    """Return the version of a file, which differs from every other's and changes with each write; None: no file."""
     try:
         status = path.stat()
     except (OSError, ValueError):
@@ -177,7 +177,7 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
     A header may stand behind its records, where two branches were merged by hand.
 
     Args:
-        lines: of the log (`iterate_log`, `log_lines`); none: there is no header.
+        lines: of the log (`iterate_log`, `log_lines`); none: no header.
 
     Raises:
         LogUnreadable: it is damaged, of another version, or no data log.
@@ -225,14 +225,14 @@ def _check_members(recorded: Recorded, header: Header, path: Path, line: int) ->
     components = sorted(series.component for series in recorded.setting.series)
     members = sorted(header.setup.members)
     if components != members:
-        message = f"series: it is of {', '.join(components) or 'nothing'}, not of {', '.join(members)}"
+        message = f"series: it has the components {', '.join(components) or 'none'} instead of {', '.join(members)}"
         raise LogUnreadable(path, line, message)
 
 
 def _header(record: dict[str, Json]) -> Header:
     version = record["format_version"]
     if version != FORMAT:
-        raise NotDecodable("format_version", f"it is {quoted(version)}, and this rarms reads {FORMAT}")
+        raise NotDecodable("format_version", f"it is {quoted(version)}; this rarms reads {FORMAT}")
     header = decode(Header, record)
     if header.digest != header_digest(header):
         raise NotDecodable("digest", "it is not the digest of this header")
@@ -242,9 +242,6 @@ def _header(record: dict[str, Json]) -> Header:
 def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
     """Return the data log of components that are in one partition, below the manifest's folder.
 
-    Args:
-        components: names, in any order.
-
     Returns:
         The path; whether there is such a file is not looked at.
     """
@@ -252,7 +249,9 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
-    """Return the configuration log of a component on a platform; no name has a dot, so it is no component's folder.
+    """Return the configuration log of a component on a platform.
+
+    No component's folder has this name, because no name has a dot.
 
     Returns:
         The path; whether there is such a file is not looked at.

@@ -25,6 +25,9 @@ from rarms_iac.storage.json_text import canonical, digest, short
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""
 
+VARIABLE = "variable "
+"""What the part of a variable begins with that setup files change, among the interpreters; its name follows."""
+
 PROCESSORS = "processors"
 """The part that only a manifest has which fixes them."""
 
@@ -39,7 +42,7 @@ def can_change_indexes(part: str) -> bool:
         part: its name, `run.timeout`, also with its component before it.
 
     Returns:
-        False for what is no part of an identity.
+        False for what is not part of an identity.
     """
     return not any(f".{part}.".find(f".{name}.") >= 0 for name in _CHANGES_NOTHING)
 
@@ -54,15 +57,17 @@ class LogSubject:
     load: Interference
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
     confinement: str = CONFINEMENT  # how P1 is held to CR there
+    load_parts: int = 1  # partitions that P2 is
     fixes_processors: bool = True  # whether the manifest does: otherwise each setting says its own number
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
-    """Return the parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them.
+    """Return the parts of a subject; `files` and `interpreters` are digests by path.
 
     Args:
         files: digests by path below the manifest's folder; one that is missing here cannot be verified.
-        interpreters: digests of programs outside of it, by the command's word; they only warn.
+        interpreters: digests of programs outside of it, by the command's word, and of variables that setup files
+            change; they only warn.
 
     Returns:
         Everything that can change a performance index, flat and by name.
@@ -75,10 +80,7 @@ def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Map
 
 
 def header_of(subject: LogSubject, identity: Identity, platform_facts: PlatformFacts) -> Header:
-    """Return what the log of a subject begins with.
-
-    Args:
-        identity: as `identity_of` makes it.
+    """Return the header of a subject's log.
 
     Returns:
         The header with its digest.
@@ -113,6 +115,8 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     yield "limit", f"{setup.limit} %"
     yield "weight", str(setup.weight)
     yield "confinement", subject.confinement
+    if subject.load_parts > 1:
+        yield "parts of P2", str(subject.load_parts)
     yield from parts_of(f"interference.{setup.interference}", subject.load)
 
 
@@ -123,15 +127,17 @@ def _component_parts(component: Component, tasks: Mapping[str, TaskRequest]) -> 
                 yield f"{component.name}.{name}", text
     if component.simulation is not None:
         yield from parts_of(f"{component.name}.simulation", component.simulation)
-    if component.task is not None:
-        yield f"{component.name}.task", component.task
-        fixed = tasks.get(component.task)
+    if component.task_class is not None:
+        yield f"{component.name}.task", component.task_class
+        if component.threads:
+            yield f"{component.name}.task.threads", " ".join(component.threads)
+        fixed = tasks.get(component.task_class)
         if fixed is not None:
-            yield from parts_of(f"tasks.{component.task}", fixed, without=frozenset({"name", "replace_shipped"}))
+            yield from parts_of(f"tasks.{component.task_class}", fixed, without=frozenset({"name", "replace_shipped"}))
 
 
 def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) -> Iterator[tuple[str, str]]:
-    """Yield what a value of the model says, flat: a dotted name and a text each; a field at its default is left out.
+    """Yield the fields of a value of the model, flat: a dotted name and a text each; not a field at its default.
 
     Args:
         name: stands before the names of the fields.
@@ -151,7 +157,7 @@ def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) ->
 
 
 def _key(name: str, hint: Any) -> str:
-    """Return what users call a field."""
+    """Return the users' name of a field."""
     return next((mark.name for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Key) and mark.name), name)
 
 
@@ -205,7 +211,7 @@ HARDWARE = frozenset({"provider", "processor model", "logical processors", "SMT"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartialPlatform:
-    """What is known of the platform now; None: it was not looked at."""
+    """The known facts of the platform now; None: it was not looked at."""
 
     provider: ProviderKind
     logical_processors: int
@@ -279,7 +285,7 @@ def compare_header(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Present:
-    """What of a data log's file holds now."""
+    """The part of a data log's file that holds now."""
 
     log: DataLog | None  # the records of the headers that hold; None: none does, and the file is stale
     comparison: Comparison  # of these headers; where none holds, of the one that was measured last
@@ -383,7 +389,8 @@ def _interpreters(was: Identity, now: Identity) -> Iterator[Changed]:
     for word in sorted(was.interpreters.keys() & now.interpreters.keys()):
         before, after = was.interpreters[word], now.interpreters[word]
         if before != after:
-            yield Changed(part=f"program {word}", before=before, after=after)
+            part = word if word.startswith(VARIABLE) else f"program {word}"
+            yield Changed(part=part, before=before, after=after)
 
 
 def _build(was: PlatformFacts, now: ObservedPlatform) -> Iterator[Changed]:

@@ -21,7 +21,7 @@ class Identity:
     """
 
     parts: Mapping[str, str]
-    interpreters: Mapping[str, str] = field(default_factory=dict)  # programs outside the manifest's folder; only warn
+    interpreters: Mapping[str, str] = field(default_factory=dict)  # programs outside the folder, variables; only warn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class Header:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Where a setting comes from."""
+    """The origin of a setting."""
 
     rarms_version: str
     when: str  # UTC, as 2027-01-31T12:00:00Z
@@ -108,7 +108,7 @@ class Remeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogRecord:
-    """A line of a data log that is no header."""
+    """A line of a data log that is not a header."""
 
     header: str  # its digest
     record: Recorded | Remeasurement  # of several records of a remeasurement the last holds
@@ -116,7 +116,7 @@ class LogRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class DataLog:
-    """What was measured of components in one partition, against one interfering load, under equal conditions."""
+    """The settings measured of components in one partition, against one interfering load, under equal conditions."""
 
     header: Header
     recorded: tuple[Recorded, ...]  # in the order in which they were measured
@@ -124,16 +124,19 @@ class DataLog:
     file: "LogFile | None" = field(default=None, repr=False, compare=False)  # that it is a part of, and keeps in memory
     settings: tuple[Setting, ...] = field(init=False, repr=False, compare=False)
     """What counts, joined to one setting a reservation, in the order in which these were first measured."""
+    estimated: tuple[Setting, ...] = field(init=False, repr=False, compare=False)
+    """The same, and those of the first pass where nothing else was measured."""
 
     def __post_init__(self) -> None:
-        joined = join_settings((record.setting for record in self.counting), simulated=self.is_simulated)
-        object.__setattr__(self, "settings", joined)
+        runs = [record.setting for record in self.estimating]
+        judged = [run for run in runs if not run.first_pass]
+        object.__setattr__(self, "settings", join_settings(judged, simulated=self.is_simulated))
+        all_are_judged = len(judged) == len(runs)
+        estimated = self.settings if all_are_judged else join_settings(runs, simulated=self.is_simulated)
+        object.__setattr__(self, "estimated", estimated)
 
     def of(self, processors: int) -> "DataLog":
         """Return the log with only what was measured with so many processors.
-
-        Args:
-            processors: virtual ones of P1.
 
         Returns:
             The same log where all of it was; its `EnvironmentSetup` has that number.
@@ -155,7 +158,12 @@ class DataLog:
 
     @property
     def counting(self) -> tuple[Recorded, ...]:
-        """The settings that reservations use, each run by itself.
+        """The settings that reservations use, each run by itself; those of the first pass are not among them."""
+        return tuple(record for record in self.estimating if not record.setting.first_pass)
+
+    @property
+    def estimating(self) -> tuple[Recorded, ...]:
+        """The same, and those of the first pass, which provisional reservations use.
 
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
         the host to itself, and to every later pass that was measured so to its end.
@@ -178,7 +186,10 @@ class DataLog:
         busy = self.recorded[at].setting
         later = self.recorded[at + 1 :]
         return busy.seed < clean or any(
-            record.setting.reserve == busy.reserve and not record.is_busy for record in later
+            record.setting.reserve == busy.reserve
+            and not record.is_busy
+            and (busy.first_pass or not record.setting.first_pass)
+            for record in later
         )
 
     def _last_clean_remeasurement(self) -> int:
@@ -206,7 +217,7 @@ class LogFile:
     )
 
     def log_of(self, header: Header, digests: Collection[str]) -> DataLog:
-        """Return what was measured under some of the headers; the same object as long as it is in use.
+        """Return the settings measured under some of the headers; the same object as long as it is in use.
 
         Args:
             digests: Of the headers whose records count.
@@ -223,7 +234,7 @@ class LogFile:
         return log
 
     def last_measured(self, digest: str) -> str:
-        """Return when the last record of a header was made.
+        """Return the time of a header's last record.
 
         Returns:
             UTC, as texts that sort by time; empty: it has no record.

@@ -60,10 +60,6 @@ def new_records(folder: Path, name: str, came: bytes) -> bytes:
 def merge_records(folder: Path, name: str, came: bytes) -> bool:
     """Add the records of a log from elsewhere that the log of the same name here lacks. Only for who holds that log.
 
-    Args:
-        name: As of `new_records`.
-        came: As of `new_records`.
-
     Returns:
         Whether anything was added; it is on the disk then.
 
@@ -88,9 +84,9 @@ def _check(lines: Iterable[LogLine], path: Path) -> None:
     elif is_decisions:
         component = path.name.removesuffix(CONFIGURATION)
         if others := {entry.component for entry in entries_in(lines, path)} - {component}:
-            raise LogUnreadable(path, 1, f"it is of {min(others)}, not of {component}")
+            raise LogUnreadable(path, 1, f"it belongs to {min(others)}, not {component}")
     else:
         for header in log_in(lines, path).headers.values():
             own = log_path(Path(), header.platform, header.setup.members, header.setup.interference)
             if own != Path(MEASUREMENTS, path):
-                raise LogUnreadable(path, 1, f"it is of {own.as_posix()}")
+                raise LogUnreadable(path, 1, f"it belongs to {own.as_posix()}")

@@ -17,7 +17,17 @@ from functools import cache
 from pathlib import Path
 
 from rarms_iac.model.loads import CommandLoad, Interference
-from rarms_iac.model.run import Call, Command, Run
+from rarms_iac.model.run import (
+    AttachedContainer,
+    AttachedService,
+    Call,
+    Command,
+    Container,
+    Process,
+    Processes,
+    Run,
+    Service,
+)
 from rarms_iac.model.system import Component
 from rarms_iac.storage.codec import Json, NotDecodable
 from rarms_iac.storage.datalog.identity import LogSubject
@@ -42,7 +52,7 @@ def cache_folder() -> Path:
 
 @dataclass(slots=True)
 class DigestCache:
-    """What is known of large files, by path; read when the first of them is asked for."""
+    """The known digests of large files, by path; read when the first of them is asked for."""
 
     _entries: MutableMapping[str, Json] | None = None
     _added: dict[str, Json] = field(default_factory=dict)
@@ -57,7 +67,7 @@ class DigestCache:
             The digest; None where it is not known, or where the file may have changed within the tick of its clock.
 
         Raises:
-            OSError: there is no such file.
+            OSError: no such file.
         """
         status = path.stat()
         if status.st_size < LARGE:
@@ -198,7 +208,7 @@ class Files:
             size = path.stat().st_size  # whether it is in the cache or not: everywhere the same files count by content
             if counted + size > most_bytes:
                 found[name] = f"size {size}"
-                self.cut = f"only the size of {name} counts, since {reason}"
+                self.cut = f"only the size of {name} is compared, because {reason}"
             else:
                 counted += size
                 found[name] = self._digest(path)
@@ -218,15 +228,27 @@ class Files:
                 yield from self._of_words(self._root, load.command)
 
     def _of_run(self, run: Run) -> Iterator[Path]:
-        base = self._root / run.folder
-        match run.start:
-            case Command(words=words):
+        for process in run.each_process.values():
+            yield from self._of_process(process)
+        for pattern in run.files:
+            base = self._root / run.folder
+            yield from self._that_are(*self._matching(Path(os.path.normpath(base.resolve() / pattern))))
+
+    def _of_process(self, process: Process) -> Iterator[Path]:
+        base = self._root / process.folder
+        match process.start:
+            case Command(words=words) | Service(exec=words):
                 yield from self._of_words(base, words)
+            case Container(command=words, options=options):
+                yield from self._of_words(base, (*options, *words))
+            case AttachedService() | AttachedContainer():
+                return  # it runs already
+            case Processes():
+                return  # each of them is a process of its own
             case Call(module=module):
                 parts = base.joinpath(*module.split("."))
                 yield from self._that_are(parts.with_name(f"{parts.name}.py"), parts / "__init__.py")
-        for pattern in run.files:
-            yield from self._that_are(*self._matching(Path(os.path.normpath(base.resolve() / pattern))))
+        yield from self._that_are(*(self._root / file for file in (process.environment_file, *process.setup) if file))
 
     def _of_words(self, base: Path, words: Sequence[str]) -> Iterator[Path]:
         """Yield a word that names nothing is a word; one that no path can be is none."""
@@ -302,7 +324,7 @@ class Files:
     def _may_look(self) -> bool:
         self._entries += 1
         if self._entries > MOST_ENTRIES or self._matches > MOST_MATCHES:
-            self.cut = f"of more than {MOST_ENTRIES:,} names only the first were looked at"
+            self.cut = f"only the first {MOST_ENTRIES:,} names were read"
         return not self.cut
 
     def _is_below(self, path: Path) -> bool:
@@ -313,7 +335,7 @@ class Files:
         if path in self._known:
             return self._known[path]
         if len(self._known) >= MOST_FILES:
-            self.cut = f"of more than {MOST_FILES:,} files only the first were read"
+            self.cut = f"only the first {MOST_FILES:,} files were read"
             return None
         known = self._cache.digest_of(path)
         if known is None:
@@ -370,7 +392,7 @@ def file_digest(path: Path) -> str:
 
 def _first_words(subject: LogSubject) -> Iterator[str]:
     for component in subject.components:
-        if component.run is not None and isinstance(component.run.start, Command):
-            yield from component.run.start.words[:1]
+        for process in () if component.run is None else component.run.each_process.values():
+            yield from (process.command or (process.service.exec if process.service else ()))[:1]
     if isinstance(subject.load, CommandLoad):
         yield from subject.load.command[:1]

@@ -1,4 +1,4 @@
-"""The report as one HTML file: no network, nothing beside it, and a policy that lets nothing else in.
+"""The report as one HTML file: no network, nothing next to it, and a policy that lets nothing else in.
 
 The content security policy names the digests of the page's own style and script; everything else is refused by the
 browser, so that no text of a manifest or a log can become code even if escaping failed.
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 FOLDER = "templates/report"
 MODULES = ("lookup.js", "axis.js", "show.js", "move.js", "report.js")
-"""The page's ES modules, each after those that it imports: one script, in this order, where there is no server."""
+"""The page's ES modules, each after those that it imports: one script, in this order, without a server."""
 
 
 def as_html(report: Report, manifest_options: str = "") -> bytes:
@@ -132,7 +132,7 @@ def joined_modules(names: Sequence[str]) -> str:
 
 
 def _bar(fit: PlatformCapacity) -> dict[str, str]:
-    """Return what is reserved against what there is, in per cent of the processors."""
+    """Return the reserved part in per cent of the processors."""
     processors = fit.processors
     return {
         "platform": fit.platform,
@@ -198,7 +198,7 @@ def _visible_in(data: object) -> object:
 
 
 def _harmless(value: object) -> object:
-    """Return what a template prints: text of ours as it is, any other spelt out; jinja2 escapes it afterwards."""
+    """Return the text that a template prints: ours as it is, any other spelt out; jinja2 escapes it afterwards."""
     return visible(value) if type(value) is str else value
 
 

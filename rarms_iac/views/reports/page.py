@@ -10,10 +10,10 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
-from rarms_iac.model.indexes import show_value
 from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
+from rarms_iac.texts.indexes import show_value
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.tables import settings_of
 from rarms_iac.views.status import other_claims_text
@@ -26,7 +26,7 @@ RESERVES = (0, 20, 40, 60, 80, 100)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
-    """A label beside an axis."""
+    """A label next to an axis."""
 
     at: str
     text: str
@@ -86,7 +86,7 @@ class Card:
             return "; stale, not used"
         if self.measurement.fixed:
             return "; the manifest fixes the reserve"
-        return "" if self.measurement.decides else "; to compare, no reservation uses it"
+        return "" if self.measurement.decides else "; for comparison only"
 
 
 def cards_of(report: Report) -> tuple[Card, ...]:
@@ -197,7 +197,7 @@ def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
 
 
 def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
-    """Return what the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
+    """Return the numbers that the page's script looks up, equal to the last bit to those of the planner's curve."""
     counted = _counted(report)
     on_cards = {(measurement.platform, measurement.components) for measurement in counted}
     return {
@@ -255,7 +255,7 @@ def _counted(report: Report) -> tuple[Measurement, ...]:
 
 
 def _uncounted_lp(capacity: PlatformCapacity, counted: Iterable[Measurement]) -> Fraction:
-    """Return what is reserved there apart from fixed reserves and the cards: idle threads, omitted logs."""
+    """Return the reservations there apart from fixed reserves and the cards: idle threads, omitted logs."""
     here = (measurement for measurement in counted if measurement.platform == capacity.platform)
     cards = sum((measurement.reserved_lp or Fraction(0) for measurement in here), Fraction(0))
     return capacity.reserved_lp - cards - sum((part.reserved_lp for part in capacity.fixed), Fraction(0))

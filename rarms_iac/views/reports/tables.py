@@ -9,6 +9,7 @@ from fractions import Fraction
 
 from rarms_iac.app.report_model import (
     ComponentProof,
+    FixedReservation,
     IndexCurve,
     MeasuredPoint,
     Measurement,
@@ -16,10 +17,11 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
-from rarms_iac.model.indexes import show_range, show_value
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict
 from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.texts.indexes import show_range, show_value
 from rarms_iac.views.graph import candidates_table
 from rarms_iac.views.table import Cell, Column, Row, Table, finite
 from rarms_iac.views.tune import partitions_table
@@ -78,10 +80,7 @@ def _levels(report: Report) -> Iterator[tuple[Sequence[str], Row]]:
                     yield (curve.component,), _level(measurement, curve)
     for capacity in report.capacities:
         for part in capacity.fixed:
-            yield (
-                part.components,
-                _without_curve(part.name, capacity.platform, part.reserved_lp, "fixed by the manifest"),
-            )
+            yield from _fixed(part, capacity.platform)
     shown = {measurement.components for measurement in report.measurements if measurement.decides}
     for names in dict.fromkeys(verdict.members for verdict in report.verdicts if verdict.members not in shown):
         yield names, _without_curve(" + ".join(names), None, None, Achievement.UNMEASURED)
@@ -107,6 +106,18 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
         Cell(text=share or "", value=reserve),
         verdict_of(measurement.verdict, curve),
     )
+
+
+def _fixed(part: FixedReservation, platform: str) -> Iterator[tuple[Sequence[str], Row]]:
+    """Yield a row a threshold of a reserve that the manifest fixes; one row if its components have none."""
+    whose, unknown = "fixed by the manifest", Cell(text="-")
+    if not part.thresholds:
+        nothing = (None,) * 4
+        yield part.components, (part.name, platform, "none", *nothing, unknown, None, part.reserved_lp, None, whose)
+    for component, name, threshold in part.thresholds:
+        index = index_named(name)
+        bound = short_bound(index, threshold), index.name, index.direction, threshold.value, index.symbol
+        yield (component,), (component, platform, *bound, unknown, None, part.reserved_lp, None, whose)
 
 
 def _without_curve(name: str, platform: str | None, reserved: Fraction | None, verdict: str) -> Row:
@@ -264,7 +275,7 @@ def _proof(proof: ComponentProof) -> Row:
         short_bound(index, proven.threshold),
         proof.entry.host,
         proof.entry.interference or "no load",
-        "cannot be told" if value is None else show_value(index, value, proven.threshold),
+        "not known" if value is None else show_value(index, value, proven.threshold),
         "" if value is None or lower is None or upper is None else show_range(index, lower, upper),
         Cell(text=verdict + (" (outdated)" if proof.outdated else ""), missed=not proven.met),
         f"{proof_time(proof)}, {proof.entry.reserve} % of its VPs"

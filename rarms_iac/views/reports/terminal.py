@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.commands import prose
-from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.quantities import show_number
+from rarms_iac.texts.indexes import show_threshold
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of
@@ -32,7 +32,7 @@ MARKS = (0, 20, 40, 60, 80, 100)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signs:
-    """What each thing is drawn with."""
+    """The signs of a plot."""
 
     curve: str  # in the legend; empty: braille dots
     band: str
@@ -95,7 +95,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
         yield paragraph(prose(f"{host.name}: ", applied_text(host, is_planned=report.is_planned)))
     if report.proofs:
         yield ""
-        yield "All together, as `rarms prove` measured them last:"
+        yield "All components together, from the last `rarms prove`:"
         yield proofs_table(report)
     for tuning in report.tunings:
         yield ""
@@ -115,7 +115,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
 def _remark(measurement: Measurement) -> str:
     if measurement.stale:
         return f" (stale: {'; '.join(measurement.stale)})"
-    return "" if measurement.decides else " (to compare: no reservation uses it)"
+    return "" if measurement.decides else " (for comparison only)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +131,7 @@ class TerminalPlot:
         unit = self.curve.index.symbol + (", log scale" if scale.logarithmic else "")
         yield paragraph(f"{self.curve.component}: {self.curve.index.name} ({unit}) against CR (% of its VPs)")
         if not self.curve.curve.points:
-            yield paragraph("Nothing can be said yet.", indent=2)
+            yield paragraph("No result yet.", indent=2)
             return
         signs = ASCII if self.ascii_only else UNICODE
         field = max(NARROWEST, min(options.max_width - LABELS - 3, WIDEST))
@@ -233,7 +233,7 @@ def _numbers(field: int) -> str:
 
 
 def legend(*, ascii_only: bool) -> "RenderableType":
-    """Return what each sign of a plot stands for."""
+    """Return the meaning of each sign of a plot."""
     signs = ASCII if ascii_only else UNICODE
     names = ("curve", "band", "measured", "threshold", "reserve")
     return paragraph("  ".join(f"{getattr(signs, name)} {name}" for name in names))

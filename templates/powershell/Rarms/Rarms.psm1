@@ -3,8 +3,6 @@
 
 [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
-[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Scope = 'Function', Target = '*-RarmsRun',
-    Justification = 'They hand on what was asked for.')]
 param()
 
 # What a profile or a caller set reaches none of the calls below.
@@ -20,11 +18,10 @@ $PSModuleAutoLoadingPreference = 'All'
 # Steps are asked for in Test-Wanted: what they call asks nobody a second time.
 $ConfirmPreference = 'None'
 
-$script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares the keys of others by culture
 $script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = '8b351226c01cad70cabb5d2f54a208cc0acac86bfdc30d7b13118fd3313a24df'
+$script:Observe = '7b0cbfa44721463792ea4b93789343a103bf618989cb26e7f213e6736cb41ad2'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -50,7 +47,6 @@ function Invoke-RarmsPlan {
         # Bound to this module, so that its blocks see the variables and functions here.
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
-        Write-Verdict
         if ($Run.Abandon) {
             Close-Run
         } else {
@@ -63,8 +59,10 @@ function Invoke-RarmsPlan {
         # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         Write-Failure -Failure $_
     } finally {
-        # What Ctrl-C ended stays as it was begun, and so does what cannot be written.
-        try { if ($script:Told.Status -cne 'begun') { Write-Verdict } } catch { Write-Verbose -Message $_.Exception.Message }
+        # What Ctrl-C ended stays as it was begun.
+        try { if ($script:Told.Status -cne 'begun') { Write-Verdict } } catch {
+            Write-RunEvent -Kind 'run' -Status 'noted' -Detail ('the verdict is not written: ' + $_.Exception.Message)
+        }
         Unlock-Host
         $Run.ExitCode.Value = $script:Code
     }
@@ -94,9 +92,7 @@ function Get-RarmsObservation {
     [CmdletBinding(PositionalBinding = $false)]
     param()
     $look = [System.IO.Path]::Combine($PSScriptRoot, 'observe.ps1')
-    if (-not ([System.IO.File]::Exists($look))) { throw ('{0} is missing: put it there as rarms wrote it' -f $look) }
-    $sum = Get-UnsignedDigest -Data ([System.IO.File]::ReadAllBytes($look))
-    if ($sum -cne $script:Observe) { throw ('{0} was edited: put it there as rarms wrote it' -f $look) }
+    [void] (Read-MadeFile -Path $look -Digest $script:Observe)
     & $look
 }
 
@@ -119,10 +115,12 @@ function Undo-RarmsRun {
     .SYNOPSIS
         Undoes what the last run of a plan did here, by the undo script that the journal of this computer holds.
     #>
+    [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Justification = 'The undo script asks.')]
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([switch] $AsJson, [switch] $Force)
     $WhatIfPreference = $false
-    Initialize-Run
+    $preview = [bool] $PSBoundParameters['WhatIf']
+    Initialize-Run -Run @{ Preview = $preview; Test = $false; AsJson = $false; LockTimeout = 0 }
     Lock-Host
     try { Import-Journal } finally { Unlock-Host }
     $last = $script:Started
@@ -130,15 +128,16 @@ function Undo-RarmsRun {
     $text = if ($last) { if ($last.run -ceq 'undo' -and -not $script:Closing) { $last.script } else { $last.undo } }
     if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to undo' }
     # Below the folder that only administrators may write to, and removed also after a preview; one file has no module.
-    $dir = Join-Path -Path $script:Folder -ChildPath 'undo'
+    $dir = Join-Path -Path $script:Folder -ChildPath ('undo-' + $PID)
+    Add-Folder -Path $dir
     try {
-        [void] [System.IO.Directory]::CreateDirectory($dir + '\Rarms')
-        [System.IO.File]::WriteAllText($dir + '\undo.ps1', $text)
+        Write-SharedFile -Path ($dir + '\undo.ps1') -Text $text
         foreach ($file in @(if ($last.PSObject.Properties['module']) { $last.module.PSObject.Properties })) {
-            [System.IO.File]::WriteAllText($dir + '\Rarms\' + $file.Name, $file.Value)
+            Add-Folder -Path ($dir + '\Rarms')
+            Write-SharedFile -Path ($dir + '\Rarms\' + $file.Name) -Text $file.Value
         }
-        Invoke-Script -Path ($dir + '\undo.ps1') -AsJson $AsJson -Force $Force -Preview ([bool] $PSBoundParameters['WhatIf'])
-    } finally { [System.IO.Directory]::Delete($dir, $true) }
+        Invoke-Script -Path ($dir + '\undo.ps1') -AsJson $AsJson -Force $Force -Preview $preview
+    } finally { Use-SharedFile -Writing -Path $dir -Do { [System.IO.Directory]::Delete($dir, $true) } }
 }
 
 function Stop-RarmsRun {
@@ -146,11 +145,10 @@ function Stop-RarmsRun {
     .SYNOPSIS
         Asks the run of this script to end before its next step; run the script again to go on.
     #>
-    [CmdletBinding(PositionalBinding = $false)]
+    [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([Parameter(Mandatory)] [string] $Path)
-    $there = Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path
-    if (-not $there) { throw ('there is no script {0}: give the path of the one that runs' -f $Path) }
-    [System.IO.File]::WriteAllText($Path + '.stop', 's')
+    $whole = Resolve-Script -Path $Path
+    if ($PSCmdlet.ShouldProcess($whole, 'ask it to stop')) { Write-SharedFile -Path ($whole + '.stop') -Text 's' }
 }
 
 function Close-RarmsRun {
@@ -162,18 +160,33 @@ function Close-RarmsRun {
     param([switch] $Force)
     Initialize-Run -Run @{
         Caller = $PSCmdlet; Confirmation = if ($Force) { 'None' } else { 'High' }
-        Preview = [bool] $PSBoundParameters['WhatIf']; Test = $false; AsJson = $false; LockTimeout = 0
+        Preview = [bool] $PSBoundParameters['WhatIf']; Test = $false; AsJson = $false; LockTimeout = 0; ScriptPath = ''
     }
-    try { Close-Run } finally { Unlock-Host }
+    try {
+        Close-Run
+        $script:Code = 0
+        Write-Verdict
+    } finally { Unlock-Host }
 }
 
 function Invoke-Script {
     # It would see the preferences of this module, under which nothing is asked: it gets those of PowerShell.
     param([string] $Path, [bool] $AsJson, [bool] $Force, [bool] $Test, [bool] $Preview)
-    if (-not $Path) { throw 'give -Path: the script of a plan' }
+    $Path = Resolve-Script -Path $Path
     $ConfirmPreference = 'High'
     $WhatIfPreference = $false
     & $Path -AsJson:$AsJson -Force:$Force -Test:$Test -WhatIf:$Preview
+}
+
+function Resolve-Script {
+    # Its whole path: .NET knows no location of PowerShell.
+    [CmdletBinding(PositionalBinding = $false)]
+    param([string] $Path)
+    if (-not $Path) { throw 'give -Path: the script of a plan' }
+    $whole = $PSCmdlet.GetUnresolvedProviderPathFromPSPath($Path)
+    $text = 'there is no script {0}: give the path of a plan''s script'
+    if (-not ([System.IO.File]::Exists($whole))) { throw ($text -f $whole) }
+    $whole
 }
 
 function Initialize-Run {
@@ -186,12 +199,13 @@ function Initialize-Run {
     $script:Steps = @()             # those of the plan
     $script:Handle = $null          # of the owner's file while this run holds the computer; it ends with its process
     $script:Run = $Run              # what the script handed over
+    $script:Result = if ($Run['ScriptPath']) { $Run.ScriptPath + '.result.json' } else { '' }
     $script:Preview = $Run.Preview -or $Run.Test
     # With it, nothing that is called by mistake changes anything either.
     $script:WhatIfPreference = $script:Preview
-    $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
+    $script:Known = Get-OrdinalTable  # by address: what was read of it, until a step changes something
     $script:Listing = $false        # whether a machine is sought among all, not asked for by its id
-    $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+    $script:Skipped = Get-OrdinalTable  # by address of what -Confirm left out: the declined step
     $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
     $script:Changed = 0             # steps that this run did
     $script:Messages = @()          # what a step has to tell apart from its end
@@ -205,15 +219,16 @@ function Initialize-Run {
     $script:Past = @()              # the runs before the one that the journal holds
     $script:Started = $null         # its first record: which run was the last one here
     $script:Closing = ''            # how it was closed: done or abandoned
-    $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
-    $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
-    $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
-    $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
+    $script:Recorded = Get-OrdinalTable  # by number of a step: what it says of it
+    $script:Serials = Get-OrdinalTable  # by application: how many runs there were
+    $script:Called = Get-OrdinalTable  # by number of a step: its calls were made by this run
+    $script:Touched = Get-OrdinalTable  # of an undo: the apply's steps that may have changed something
+    $script:Shielded = Get-OrdinalTable  # by id of a machine
     $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
     $set = '[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?'
     $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>SET)\r*$'
     $script:MarkForm = $form.Replace('SET', $set).Replace('NAME', $name)
-    $script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of its machine that this plan makes
+    $script:Machines = Get-OrdinalTable  # by partition: the id of its machine that this plan makes
 }
 
 function Write-Failure {
@@ -233,18 +248,19 @@ function Write-Failure {
 function Open-Run {
     $plan = $script:Plan
     Lock-Host
-    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    Write-Verdict
+    if ([IntPtr]::Size -ne 8) { Exit-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
     Import-Journal
     $last = $script:Started
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'undo the last run here first: it was another' }
+        if (-not $same -or $last.run -cne 'apply') { Exit-Run -Detail 'undo the last run here first: it was another' }
     } elseif ($null -ne $last -and -not $script:Closing) {
-        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Exit-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Stop-Run -Detail 'this plan was used, or another was applied since it was made: make a new plan'
+        Exit-Run -Detail 'this plan was used, or another was applied since it was made: make a new plan'
     }
     Clear-Journal
 }
@@ -252,11 +268,13 @@ function Open-Run {
 function Close-Run {
     # The unfinished run, of this plan where there is one; the host stays as it is.
     Lock-Host
+    Write-Verdict
     Import-Journal
     $last = $script:Started
     if ($null -eq $last -or $script:Closing) { return Write-RunEvent -Kind 'run' -Status 'unchanged' }
     $other = 'plan {0} is unfinished here, not this one: give -Abandon to its script'
-    if ($script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Stop-Run -Detail ($other -f $last.plan) }
+    if ($script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Exit-Run -Detail ($other -f $last.plan) }
+    $script:Plan = @{ Plan = $last.plan; Run = $last.run }
     $wanted = Test-Wanted -Address 'host' -Action 'close the unfinished run'
     $status = if ($wanted) { 'abandoned' } elseif ($script:Preview) { 'previewed' } else { 'skipped' }
     if ($wanted) { Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' }) }
@@ -278,8 +296,8 @@ function Add-Step {
     $script:Steps += @{
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read; Row = $script:Target.Row
         # It builds on the steps of its own address, and on those of the machine that it lies in.
-        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
-        Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address) # the same twice where it lies in none
+        Before = (Get-OrdinalTable -From $Before); After = (Get-OrdinalTable -From $After)
         Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
 }
@@ -289,7 +307,7 @@ function Complete-Run {
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
         $script:Current = $script:Whole
-        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'steps were left out; run it again to do them, or -Abandon'
+        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'steps were left out; run it again to do them, or -Abandon'
     }
     if ($script:Closing -cne 'done') {
         Assert-Host -Last
@@ -308,8 +326,8 @@ function Complete-Run {
 function Assert-Host {
     # Reads everything: what was done is still so, what is to be done finds what was planned, or is ahead to be made.
     param([switch] $Last)
-    $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
-    $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
+    $made = Get-OrdinalTable  # by address: what the steps that were done made of it
+    $ahead = Get-OrdinalTable  # addresses with names that a step is to change yet
     $script:Listing = $true
     $script:Fresh = [DateTime]::UtcNow.AddMilliseconds(10000)
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
@@ -323,17 +341,16 @@ function Assert-Host {
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
             $gone = -not $made.Contains($at) -or $step.After['exists'] -ceq $false
-            $after = if ($gone) { [hashtable]::new($script:Ordinal) } else { $made[$at].After }
+            $after = if ($gone) { Get-OrdinalTable } else { $made[$at].After }
             foreach ($name in $step.After.Keys) { $after[$name] = $step.After[$name] }
             $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; Row = $step.Row; After = $after }
         }
         if ($leave) { continue }
         if (-not @(foreach ($one in $step.Needs) { if ($ahead.Contains($one + ' exists')) { $one } }).Count) {
             $live = Get-Reading -Step $step
-            foreach ($name in @(Compare-Step -Step $step -Live $live)) {
-                if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Stop-Run -Detail (Get-Difference -Name $name -Live $live -Expected $step.Before)
-            }
+            $moved = @(Compare-Step -Step $step -Live $live)
+            $moved = @(foreach ($name in $moved) { if (-not $ahead.Contains($at + ' ' + $name)) { $name } })
+            if ($moved.Count) { Exit-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $step.Before) }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) { $ahead[$at + ' ' + $name] = $true }
     }
@@ -355,7 +372,7 @@ function Assert-Host {
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             $detail = Get-Difference -Name $name -Live $live -Expected $wanted -Text 'is not as wanted: '
             if ($Last) { throw ('{0} {1}' -f $at, $detail) }
-            Stop-Run -Detail $detail
+            Exit-Run -Detail $detail
         }
     }
     $script:Current = $script:Whole
@@ -372,28 +389,29 @@ function Invoke-Step {
     $stop = $script:Run.ScriptPath + '.stop'
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop) {
         # The maker of that file beside the script wants it to end before the next step, this once.
-        [System.IO.File]::Delete($stop)
+        Use-SharedFile -Writing -Path $stop -Do { [System.IO.File]::Delete($stop) }
         $script:Current = $script:Whole
-        Stop-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
+        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
     }
     # What is ten seconds old may be so no more. A promise counts all machines.
     if ([DateTime]::UtcNow -gt $script:Fresh) { $script:Known.Clear() }
     $script:Listing = $null -ne $fits
-    $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
+    $lack = ''
+    foreach ($one in $Step.Needs) { if (-not $lack -and $script:Skipped.Contains($one)) { $lack = $script:Skipped[$one] } }
     $live = Get-Reading -Step $Step
     $script:Open = @(Compare-Reading -Live $live -Expected $Step.After)
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
-    if (-not $lacks.Count -and -not $script:Open.Count) {
+    if (-not $lack -and -not $script:Open.Count) {
         # One that was begun and killed has changed something.
         $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
         return Add-StepRecord -Step $Step -Status $status
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
     $skip = ''
-    if ($lacks.Count) {
-        $skip = 'needs ' + ($lacks -join ', ')
+    if ($lack) {
+        $skip = 'needs ' + $lack
     } elseif ($moved.Count) {
-        Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
+        Exit-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) {
             throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
@@ -403,11 +421,15 @@ function Invoke-Step {
         $skip = 'left out'
     }
     if ($skip) {
-        $script:Skipped[$Step.Address] = $true
+        if (-not $lack) { $lack = '{0}, {1}' -f $Step.Address, $Step.Action }
+        # A machine gets no settings without its disk.
+        foreach ($one in $Step.Needs) { $script:Skipped[$one] = $lack }
         return Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
     }
+    $script:WasBegun = $script:Recorded.Contains([string] $Step.Number)
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    $script:Called[[string] $Step.Number] = $true
     foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
     $script:Messages = @()
     $script:Known.Clear()
@@ -427,6 +449,7 @@ function Test-Open {
 
 function Test-Wanted {
     # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Justification = 'It asks for the script.')]
     param([string] $Address, [string] $Action)
     if ($script:Run.AsJson -and $script:Preview) { return $false }
     $ConfirmPreference = $script:Run.Confirmation
@@ -492,14 +515,28 @@ function Get-Difference {
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
         return 'it is gone from this host: make a new plan'
     }
-    $Text + ($Name -join ', ') + '; make a new plan'
+    $names = @($Name | Microsoft.PowerShell.Utility\Sort-Object)  # a table has no order
+    $Text + ($names -join ', ') + '; make a new plan'
+}
+
+function Get-OrdinalTable {
+    [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseLiteralInitializerForHashtable', '',
+        Justification = '5.1 compares the keys of a literal by the culture of the user.')]
+    param([System.Collections.IDictionary] $From = @{})
+    [hashtable]::new($From, [System.StringComparer]::Ordinal)
 }
 
 function Test-Agreed {
     param([System.Collections.IDictionary] $Left, [System.Collections.IDictionary] $Right, [string] $Name)
     if ($Left.Contains($Name) -ne $Right.Contains($Name)) { return $false }
-    # -ceq is blind to characters without width.
-    [string]::Equals([string] $Left[$Name], [string] $Right[$Name], [System.StringComparison]::Ordinal)
+    Test-Same -Left ([string] $Left[$Name]) -Right ([string] $Right[$Name])
+}
+
+function Test-Same {
+    # -ceq is blind to characters without width, and so is -eq; both are slow with long texts.
+    param([string] $Left, [string] $Right, [switch] $AnyCase)
+    $how = if ($AnyCase) { [System.StringComparison]::OrdinalIgnoreCase } else { [System.StringComparison]::Ordinal }
+    [string]::Equals($Left, $Right, $how)
 }
 
 function Write-RunEvent {
@@ -521,22 +558,38 @@ function Write-RunEvent {
 }
 
 function Write-Verdict {
-    # How this run stands: beside its script, as Ctrl-C gives the code 0; and in Windows' event log, if that takes it.
+    # How this run stands: beside its script, as Ctrl-C gives the code 0, once it holds the computer; and in Windows'
+    # event log, if that takes it.
     if ($script:Preview) { return }
-    $path = $script:Run.ScriptPath + '.result.json'
-    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { Assert-NoLink -Path $path }
     $text = ConvertTo-AsciiJson -Value ([ordered] @{
         format = 'rarms-result/1'; plan = $script:Plan.Plan; run = $script:Plan.Run; operator = $script:Operator
         status = $script:Told.Status; exit_code = $script:Code; changed = $script:Changed; detail = $script:Told.Detail
     })
-    [System.IO.File]::WriteAllText($path, $text)
+    if ($null -ne $script:Handle -and $script:Result) { Write-ResultFile -Text $text }
     $id = if ($script:Told.Status -ceq 'begun') { 1 } else { 2 + $script:Code }
     $type = if ($id -gt 2) { 'Warning' } else { 'Information' }
     try { [System.Diagnostics.EventLog]::WriteEntry('rarms', $text, $type, $id) }
     catch { Write-Verbose -Message $_.Exception.Message }
 }
 
-function Stop-Run {
+function Write-ResultFile {
+    # In ProgramData where the script's folder or the file cannot be written. What fails here is not tried again.
+    param([string] $Text)
+    $path = $script:Result
+    $script:Result = ''
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { Assert-NoLink -Path $path }
+    try { Write-SharedFile -Path $path -Text $Text } catch {
+        $why = $_.Exception.Message
+        $path = Join-Path -Path $script:Folder -ChildPath ([System.IO.Path]::GetFileName($path))
+        Write-SharedFile -Path $path -Text $Text
+        $told = $script:Told
+        Write-RunEvent -Kind 'run' -Status 'noted' -Detail ('the verdict is in {0}: {1}' -f $path, $why)
+        $script:Told = $told
+    }
+    $script:Result = $path
+}
+
+function Exit-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3, unless another is said.
     param([string] $Kind = 'refused', [string] $Status = 'refused', [int] $Code = 3, [string] $Detail)
     $script:Ending = @{ Kind = $Kind; Status = $Status; Code = $Code }
@@ -576,7 +629,7 @@ function Show-State {
     $all = @(foreach ($one in @(Get-Preview)) {
         [pscustomobject] @{
             Address = $one.Step.Address; Action = $one.Step.Action
-            InDesiredState = $one.Status -ceq 'unchanged'; Disruption = [string] (Get-Loss -Step $one.Step)
+            InDesiredState = $one.Status -ceq 'unchanged'; Disruption = '' + (Get-Loss -Step $one.Step)
         }
     })
     if (-not $script:Run.AsJson) { return $all }
@@ -587,7 +640,7 @@ function Show-State {
 }
 
 function Get-Preview {
-    $made = [hashtable]::new($script:Ordinal)  # by address: the last action that is shown of it
+    $made = Get-OrdinalTable  # by address: the last action that is shown of it
     foreach ($step in $script:Steps) {
         $script:Current = $step
         $fits = $step.Fits
@@ -630,19 +683,23 @@ function Lock-Host {
     else { Add-Folder -Path $script:Folder }
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:OwnerFile) { Assert-Owner -Path $script:OwnerFile }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
+    # Who only reads the file has it open for a moment.
+    if ($wait -lt 2) { $wait = 2 }
     $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
     while ($null -eq $script:Handle) {
         try {
             $script:Handle = [System.IO.FileStream]::new($script:OwnerFile, 'OpenOrCreate', 'Write', 'Read')
+        } catch [System.UnauthorizedAccessException] {
+            if (-not ([DateTime]::UtcNow -lt $until)) { throw }
         } catch [System.IO.IOException] {
-            # Get-Content opens it shared for writing, as its holder has it.
-            try { $holder = '' + (Get-Content -LiteralPath $script:OwnerFile -Raw) } catch { $holder = '' }
-            if (-not $holder) { $holder = 'an unknown user' }
             if (-not ([DateTime]::UtcNow -lt $until)) {
-                Stop-Run -Kind 'lock' -Detail ('it is held by {0}: wait, or give -LockTimeout' -f $holder)
+                try { $holder = '' + (Read-SharedFile -Path $script:OwnerFile) } catch { $holder = '' }
+                if (-not $holder) { $holder = 'an unknown user' }
+                $text = 'it is held by {0}, who has {1} open: wait, or give -LockTimeout'
+                Exit-Run -Kind 'lock' -Detail ($text -f $holder, $script:OwnerFile)
             }
-            Start-Sleep -Milliseconds 500
         }
+        if ($null -eq $script:Handle) { Start-Sleep -Milliseconds 500 }
     }
     [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($script:Operator)
     $script:Handle.SetLength(0)
@@ -659,7 +716,8 @@ function Unlock-Host {
 
 function Assert-NoLink {
     param([string] $Path)
-    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    $attributes = Use-SharedFile -Path $Path -Do { [System.IO.File]::GetAttributes($Path) }
+    $link = $attributes -band [System.IO.FileAttributes]::ReparsePoint
     if ($link) { throw ('{0} is a link: look where it leads, then remove it' -f $Path) }
 }
 
@@ -668,7 +726,9 @@ function Assert-Owner {
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     Assert-NoLink -Path $Path
-    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    $owner = Use-SharedFile -Path $Path -Do {
+        (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    }
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
 }
@@ -676,20 +736,19 @@ function Assert-Owner {
 # === journal: what a run did, kept on this computer: a line of JSON a record, sealed by its length and a checksum.
 function Import-Journal {
     # What the last run did, by its whole records. A last one that a crash tore is dropped, not the first: else damage.
-    # Left by a run that was killed before it began.
-    if (-not $script:Preview) { [System.IO.File]::Delete($script:Journal + '.new') }
-    if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:Journal)) { return }
-    foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
+    if (-not $script:Preview) { Remove-Unused }
     # Byte by byte: a text reader hides what an editor put before it.
-    $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
+    $whole = Read-SharedFile -Path $script:Journal
+    if ($null -eq $whole) { return }
+    foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
     $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
     $torn = $false
     foreach ($line in @($whole -split '(?<=\n)')) {
         if ($torn -and $line) { throw $damage }
         if (-not $line) { continue }
         $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
-        $torn = (Get-Sealed -Text $text) -cne $line
-        $ended = $line.EndsWith([string] [char] 10) -and -not $line.Contains([string] [char] 0)
+        $torn = -not (Test-Same -Left (Get-Sealed -Text $text) -Right $line)
+        $ended = $line -cmatch '\n\z' -and -not $line.Contains([string] [char] 0)
         if ($torn -and ($ended -or $null -eq $script:Started)) { throw $damage }
         if ($torn) { continue }
         $script:Sound += $line.Length
@@ -706,6 +765,17 @@ function Import-Journal {
     if ($null -eq $script:Started) { throw $damage }
 }
 
+function Remove-Unused {
+    # A run that was killed before it began left its first record, and may have moved the journal away for it.
+    $fresh = $script:Journal + '.new'
+    $old = $script:Journal + '.old'
+    if (-not ([System.IO.File]::Exists($fresh))) { return }
+    if (-not ([System.IO.File]::Exists($script:Journal)) -and [System.IO.File]::Exists($old)) {
+        Use-SharedFile -Writing -Path $old -Do { [System.IO.File]::Move($old, $script:Journal) }
+    }
+    Use-SharedFile -Writing -Path $fresh -Do { [System.IO.File]::Delete($fresh) }
+}
+
 function Get-Sealed {
     param([string] $Text)
     $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($Text))
@@ -716,15 +786,9 @@ function Add-Record {
     # It is on the disk when this returns. A torn end is cut off first.
     param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
     if ($script:Preview) { return }
-    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
-    $stream = [System.IO.FileStream]::new($Path, 'OpenOrCreate', 'Write')
-    try {
-        $stream.SetLength($script:Sound)
-        $stream.Position = $script:Sound
-        $stream.Write($data, 0, $data.Length)
-        $stream.Flush($true)
-    } finally { $stream.Dispose() }
-    $script:Sound += $data.Length
+    $line = Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)
+    Write-SharedFile -Path $Path -Text $line -From $script:Sound
+    $script:Sound += $line.Length
 }
 
 function Clear-Journal {
@@ -746,11 +810,23 @@ function Clear-Journal {
     $script:Recorded.Clear()
 }
 
+function Read-MadeFile {
+    # The text of a file that rarms made, if nobody edited it since.
+    param([string] $Path, [string] $Digest)
+    $text = Read-SharedFile -Path $Path
+    if ($null -eq $text) { throw ('{0} is missing: put it there as rarms wrote it' -f $Path) }
+    if ((Get-UnsignedDigest -Text $text) -ceq $Digest) { return $text }
+    $text = $text -creplace '\r?\n', ('' + [char] 13 + [char] 10)
+    if ((Get-UnsignedDigest -Text $text) -ceq $Digest) {
+        throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $Path)
+    }
+    throw ('{0} was edited: put it there as rarms wrote it' -f $Path)
+}
+
 function Get-UnsignedDigest {
     # Who signs a file adds remarks at its end; all before them was made by rarms.
-    param([byte[]] $Data)
-    $text = [System.Text.Encoding]::ASCII.GetString($Data)
-    Get-Sha256 -Data $Data -Count ($text -creplace $script:Signature, '').Length
+    param([string] $Text)
+    Get-Sha256 -Data ([System.Text.Encoding]::GetEncoding(28591).GetBytes(($Text -creplace $script:Signature, '')))
 }
 
 function Write-FirstRecord {
@@ -758,16 +834,7 @@ function Write-FirstRecord {
     $undo = ''
     if ($plan.Undo) {
         $path = [System.IO.Path]::Combine([System.IO.Path]::GetDirectoryName($script:Run.ScriptPath), $plan.Undo)
-        if (-not ([System.IO.File]::Exists($path))) { throw ('{0} must lie beside this script: put it there' -f $path) }
-        $data = [System.IO.File]::ReadAllBytes($path)
-        $undo = [System.Text.Encoding]::ASCII.GetString($data)
-        if ((Get-UnsignedDigest -Data $data) -cne $plan.UndoDigest) {
-            $text = $undo -creplace '\r?\n', ('' + [char] 13 + [char] 10)
-            if ((Get-UnsignedDigest -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest) {
-                throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path)
-            }
-            throw ('{0} was edited: put it there as rarms wrote it' -f $path)
-        }
+        $undo = Read-MadeFile -Path $path -Digest $plan.UndoDigest
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'
@@ -775,22 +842,26 @@ function Write-FirstRecord {
     $record = [ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
         robot = $plan.Robot; purpose = $plan.Purpose
-        script = [System.IO.File]::ReadAllText($script:Run.ScriptPath); undo = $undo
+        script = Read-SharedFile -Path $script:Run.ScriptPath; undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past); serials = $script:Serials
         touched = @($script:Touched.Keys | Microsoft.PowerShell.Utility\Sort-Object); kind = 'run_started'
     }
     if ($script:Run.ModulePath) {
-        $record['module'] = [hashtable]::new($script:Ordinal)
+        $record['module'] = Get-OrdinalTable
         foreach ($one in @('Rarms.psd1', 'Rarms.psm1')) {
-            $record['module'][$one] = [System.IO.File]::ReadAllText([System.IO.Path]::Combine($script:Run.ModulePath, $one))
+            $record['module'][$one] = Read-SharedFile -Path ([System.IO.Path]::Combine($script:Run.ModulePath, $one))
         }
     }
     Add-Record -Path $fresh -Record $record
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
-    if (-not ([System.IO.File]::Exists($script:Journal))) { return [System.IO.File]::Move($fresh, $script:Journal) }
-    [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old')
+    Use-SharedFile -Writing -Path $script:Journal -Do {
+        # A replacement that failed half-way may have taken the old one away already.
+        if ([System.IO.File]::Exists($script:Journal)) {
+            [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old')
+        } else { [System.IO.File]::Move($fresh, $script:Journal) }
+    }
 }
 
 # === host: whether a script runs where it was made for, and whether a reserve has any effect there.
@@ -799,24 +870,24 @@ function Assert-VmHost {
     # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
     $command = Get-Command -Name 'Hyper-V\Get-VM'
     if ([string] $command.CommandType -cne 'Cmdlet' -or $command.Version.Major -lt 2) {
-        Stop-Run -Detail 'this PowerShell does not load Hyper-V 2.0.0.0 itself: start powershell.exe of Server 2016 or later'
+        Exit-Run -Detail 'this PowerShell does not load Hyper-V 2.0.0.0 itself: start powershell.exe of Server 2016 or later'
     }
     $vmHost = Hyper-V\Get-VMHost
-    if ($vmHost.Name -ne $plan.Computer) {
-        Stop-Run -Detail ('this is {0}, the plan is for {1}: run it there' -f $vmHost.Name, $plan.Computer)
+    if (-not (Test-Same -AnyCase -Left $vmHost.Name -Right $plan.Computer)) {
+        Exit-Run -Detail ('this is {0}, the plan is for {1}: run it there' -f $vmHost.Name, $plan.Computer)
     }
     if ($plan.Identity) {
         # What tells this Windows from every other, as observe.ps1 works it out.
-        $id = [string] (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
+        $id = '' + (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
         $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
         if ($id.Substring(0, 32) -cne $plan.Identity) {
-            Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+            Exit-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
         }
     }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Stop-Run -Detail ('it has {0} logical processors now: make a new plan' -f $vmHost.LogicalProcessorCount)
+        Exit-Run -Detail ('it has {0} logical processors now: make a new plan' -f $vmHost.LogicalProcessorCount)
     }
     if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
@@ -837,11 +908,11 @@ function Test-RootScheduler {
 # === guest: where the script of a guest may run.
 function Assert-Guest {
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
-    $id = ([string] (Get-KeyValue -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
-    if (-not $id) { Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that' }
-    $name = [string] (Get-KeyValue -Path $path -Name 'VirtualMachineName')
-    if (@($id, $name) -ccontains $script:Plan.Guest) { return }
-    Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
+    $id = ('' + (Get-KeyValue -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
+    if (-not $id) { Exit-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that' }
+    $name = '' + (Get-KeyValue -Path $path -Name 'VirtualMachineName')
+    foreach ($one in @($id, $name)) { if (Test-Same -Left $one -Right $script:Plan.Guest) { return } }
+    Exit-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
 }
 
 # === machines: how virtual machines are found, read and marked: never by their names.
@@ -851,7 +922,7 @@ function Get-PartitionReading {
     param([string] $Machine = '', [string] $Name = '', [string] $Disk = '', [switch] $Clustered)
     # Nothing is read twice until a step changes something.
     $at = $script:Current.Address
-    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = Get-OrdinalTable }
     $live = $script:Known[$at]
     if (-not $live.Count) {
         if ($Name) { $Machine = $script:Machines[$Name] }
@@ -860,10 +931,10 @@ function Get-PartitionReading {
             # Of what was done nothing is to be changed.
             $tie = if (-not $Name -and $script:Current.Contains('Set')) { Get-Tie -Vm $vm -Clustered $Clustered }
             if (-not $tie) { continue }
-            Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
+            Exit-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
         }
         $many = '{0} machines answer to it: take the mark of rarms out of the notes of all but one'
-        if ($found.Count -gt 1) { Stop-Run -Detail ($many -f $found.Count) }
+        if ($found.Count -gt 1) { Exit-Run -Detail ($many -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
         foreach ($vm in $found) { Add-MachineReading -Live $live -Vm $vm }
         if ($Name -and $live['exists']) { $script:Machines[$Name] = $live['machine'] }
@@ -873,7 +944,7 @@ function Get-PartitionReading {
     if (Test-Unread -Live $live -Name 'taken') {
         $live['taken'] = $false
         foreach ($vm in @(Get-MachineList)) {
-            $named = [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)
+            $named = Test-Same -Left $vm.Name -Right $Name
             if ($named -and (Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { $live['taken'] = $true }
         }
     }
@@ -883,7 +954,9 @@ function Get-PartitionReading {
             foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
                 if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
             }
-            if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { 'name ' + $live['name'] }
+            $kept = Test-Same -Left $Name -Right $live['name']
+            $kept = $kept -or (Test-Same -Left (Get-PendingName -Name $Name) -Right $live['name'])
+            if (-not $kept) { 'name ' + $live['name'] }
             if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { 'a checkpoint' }
         ) -join ', '
     }
@@ -1024,6 +1097,19 @@ function Add-DeviceReading {
     }
 }
 
+function Get-ClusterReading {
+    # Whether the cluster knows what steps of this run changed in the machine that this step is about.
+    $own = $script:Current.Number
+    $machine = $script:Current.Address -creplace '/cluster$', ''
+    $recorded = $script:Recorded[[string] $own]
+    $updated = $script:Called.Contains([string] $own) -or @('changed', 'unchanged') -ccontains $recorded
+    $changed = @(foreach ($step in $script:Steps) {
+        if ($step.Number -eq $own -or $step.Needs -cnotcontains $machine) { continue }
+        if (@('begun', 'changed') -ccontains $script:Recorded[[string] $step.Number]) { $step.Number }
+    })
+    @{ updated = $updated -or -not $changed.Count }
+}
+
 # === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
 function Find-NewMachine {
     param([string] $Name)
@@ -1031,7 +1117,7 @@ function Find-NewMachine {
     foreach ($vm in @(Get-MachineList)) {
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
+        if ($ours -or (Test-Same -Left $vm.Name -Right $pending)) { $vm }
     }
 }
 
@@ -1043,7 +1129,7 @@ function Get-PendingName {
 function Move-NewPartition {
     # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
     param([string] $From, [string] $To)
-    if ([string] $script:Vm.Path -ne $To) {
+    if (-not (Test-SamePath -Left $script:Vm.Path -Right $To)) {
         Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $To -SnapshotFilePath $To -SmartPagingFilePath $To
     }
     Remove-PartitionFolder -From $From -To $To
@@ -1090,7 +1176,10 @@ function Test-Capacity {
         # A replica starts at a failover only.
         $starts = -not $ours -and -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if (-not $starts -and @('off', 'saved') -ccontains (ConvertTo-RunState -State $vm.State)) { continue }
-        $bytes -= [long] $vm.MemoryStartup
+        # With dynamic memory it may have more now than it starts with.
+        $most = [long] $vm.MemoryStartup
+        if ([long] $vm.MemoryAssigned -gt $most) { $most = [long] $vm.MemoryAssigned }
+        $bytes -= $most
         $cpu = Get-Device -Kind 'processors' -Vm $vm
         $claim = @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
         $claims += $claim
@@ -1146,7 +1235,17 @@ function Get-CoreCount {
     ($Processors + ($Processors -band 1)) / 2
 }
 
-# === stop: how a virtual machine is stopped.
+# === stop: how a virtual machine is stopped, and for how long one that starts has more.
+function Wait-Start {
+    param([long] $Milliseconds)
+    if ($script:WasBegun) { return }  # a run that was killed in this wait has started the machine long ago
+    $stop = $script:Run.ScriptPath + '.stop'
+    $until = [DateTime]::UtcNow.AddMilliseconds($Milliseconds)
+    while ([DateTime]::UtcNow -lt $until -and -not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)) {
+        Start-Sleep -Milliseconds 200
+    }
+}
+
 function Stop-Partition {
     # Asks a guest, forces it from half of the grace on, turns it off at its end. What refuses is told and waited out.
     param([long] $GraceMs)
@@ -1191,7 +1290,7 @@ function Test-ShutdownService {
     $false
 }
 
-# === disks: how virtual disks are read and removed.
+# === disks: how virtual disks are read.
 function Get-DiskReading {
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
@@ -1222,18 +1321,13 @@ function Test-DiskUse {
 
 function Test-SamePath {
     param([string] $Left, [string] $Right)
-    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
-}
-
-function Remove-DiskFile {
-    param([string] $Path)
-    Remove-Item -LiteralPath $Path
+    Test-Same -AnyCase -Left ($Left.Replace('/', '\')) -Right ($Right.Replace('/', '\'))
 }
 
 # === tasks: how multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
 function Get-TaskClassReading {
     param([string] $Task)
-    $live = [hashtable]::new($script:Ordinal)
+    $live = Get-OrdinalTable
     $live['exists'] = $false
     foreach ($name in @('values', 'record', 'robot', 'set')) { $live[$name] = '' }
     $live['empty'] = Test-EmptyKey -Task $Task
@@ -1254,7 +1348,7 @@ function Get-TaskClassReading {
         $path = Get-RecordPath -Task $Task -Application $application.PSChildName
         if (-not (Get-KeyValue -Path $path -Name 'set')) { continue }
         $live['record'] = [string] $application.PSChildName
-        foreach ($name in @('robot', 'set')) { $live[$name] = [string] (Get-KeyValue -Path $path -Name $name) }
+        foreach ($name in @('robot', 'set')) { $live[$name] = '' + (Get-KeyValue -Path $path -Name $name) }
     }
     $live
 }
@@ -1264,7 +1358,7 @@ function Get-TaskValueName {
     $path = Get-TaskPath -Task $Task
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path)) { return }
     foreach ($name in @((Microsoft.PowerShell.Management\Get-Item -LiteralPath $path).GetValueNames())) {
-        if ($path -cne $script:ProfileRoot -or $name -eq $Task) { $name }
+        if ($path -cne $script:ProfileRoot -or (Test-Same -AnyCase -Left $name -Right $Task)) { $name }
     }
 }
 
@@ -1282,15 +1376,16 @@ function Write-TaskValue {
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
     $there = [string] (Get-TaskClassReading -Task $Task)['value:' + $Name.ToLowerInvariant()]
-    if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
+    if (Test-Same -Left $there -Right $wanted) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
 function Remove-TaskValue {
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
+    $listed = if ($Keep) { @($Keep -split ', ') } else { @($Name) }
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
-        $goes = if ($Keep) { @($Keep -split ', ') -notcontains $one } else { $one -eq $Name }
-        if ($goes) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
+        $is = @(foreach ($other in $listed) { if (Test-Same -AnyCase -Left $one -Right $other) { $other } }).Count -gt 0
+        if ($is -ne [bool] $Keep) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
     }
 }
 
@@ -1307,8 +1402,8 @@ function Write-TaskRecord {
     $path = Get-RecordPath -Task $Task -Application $Application
     foreach ($one in @($script:RecordRoot, ('{0}\{1}' -f $script:RecordRoot, $Application), $path)) { Add-Key -Path $one }
     foreach ($one in @(@('before', $Before), @('robot', $Robot), @('set', $Digest))) {
-        $there = [string] (Get-KeyValue -Path $path -Name $one[0])
-        if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
+        $there = '' + (Get-KeyValue -Path $path -Name $one[0])
+        if (Test-Same -Left $there -Right $one[1]) { continue }
         [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
     }
 }
@@ -1367,7 +1462,8 @@ function Get-GuestTaskClassReading {
     # with values that could not be brought back: text with variables, lists, bytes, names that cmdlets read as patterns.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Get-TaskClassReading -Task $Task
-    $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
+    $ours = Test-Same -Left $live['record'] -Right $Application
+    $other = if ($live['record']) { -not $ours } else { $live['exists'] -and -not $Replace }
     $live['taken'] = [bool] $other
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
         $known = $live['value:' + $name.ToLowerInvariant()] -cmatch '^(dword|qword|sz):'
@@ -1383,9 +1479,9 @@ function Save-TaskRecord {
     $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
-        $before = [string] (Get-KeyValue -Path (Get-RecordPath -Task $Task -Application $Application) -Name 'before')
+        $before = '' + (Get-KeyValue -Path (Get-RecordPath -Task $Task -Application $Application) -Name 'before')
     } elseif ($live['exists']) {
-        $values = [hashtable]::new($script:Ordinal)
+        $values = Get-OrdinalTable
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
             $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
             if ($kind -cne 'sz') { $data = [long] $data }
@@ -1401,11 +1497,43 @@ function Restore-TaskClass {
     $path = Get-RecordPath -Task $Task -Application $Application
     # Without its digest nothing was written yet; without the record all is back.
     if (-not (Get-KeyValue -Path $path -Name 'set')) { return }
-    $before = ConvertFrom-Json -InputObject ([string] (Get-KeyValue -Path $path -Name 'before'))
+    $before = ConvertFrom-Json -InputObject ('' + (Get-KeyValue -Path $path -Name 'before'))
     if ($null -eq $before) { return Remove-TaskClass -Task $Task }
     foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
         Write-TaskValue -Task $Task -Name $one.Name -Type ($one.Value.kind -creplace '^sz$', 'string') -Value $one.Value.data
+    }
+}
+
+# === shared: files that another program may read, write, replace or delete at any time.
+function Use-SharedFile {
+    # Gives what the block gives, as soon as no other program is in its way; that takes up to five seconds. A replacement
+    # takes a file's name away for a moment; a file that stays away is missing, and reading it gives nothing.
+    param([string] $Path, [scriptblock] $Do, [switch] $Writing)
+    for ($attempt = 1; $true; $attempt++) {
+        try { return & $Do } catch [System.UnauthorizedAccessException] {
+            # Windows denies also a file that is being deleted.
+            if ($attempt -ge 20) { throw }
+        } catch [System.IO.IOException], [System.Management.Automation.ItemNotFoundException] {
+            if (-not $Writing -and $attempt -ge 5 -and -not ([System.IO.File]::Exists($Path))) { return }
+            # The codes of Windows for a full disk, and that of Linux.
+            if (@(39, 112, 28) -ccontains ($_.Exception.HResult -band 65535)) { throw ('{0}: the disk is full' -f $Path) }
+            $text = '{0} cannot be used, close the program that has it open: {1}'
+            if ($attempt -ge 100) { throw ($text -f $Path, $_.Exception.Message) }
+        }
+        Start-Sleep -Milliseconds 50
+    }
+}
+
+function Read-SharedFile {
+    # The bytes of a file as text, one character a byte; nothing where it is missing.
+    param([string] $Path)
+    Use-SharedFile -Path $Path -Do {
+        $stream = [System.IO.FileStream]::new($Path, 'Open', 'Read', 'ReadWrite, Delete')
+        try {
+            $data = [System.IO.BinaryReader]::new($stream).ReadBytes([int] $stream.Length)
+            [System.Text.Encoding]::GetEncoding(28591).GetString($data)
+        } finally { $stream.Dispose() }
     }
 }
 
@@ -1417,16 +1545,12 @@ function Receive-RarmsPlan {
     .DESCRIPTION
         Input: 8 digits, the length of a table; the table, a line for the arguments and one `name length sha256` a file;
         then their bytes. Text that ends with a dot, `3 run 45 55.`, is laid beside the script, which reads it; `o` says
-        that nothing follows and it goes on; anything else, or the input's end, asks it to stop before its next step.
-        Without -Source it first writes a line that names the version of this module, and reads standard input.
+        that nothing follows and it goes on; `s`, or the input's end, asks it to stop before its next step.
     #>
-    [CmdletBinding(PositionalBinding = $false)]
-    param([System.IO.Stream] $Source = $null)
-    if ($null -eq $Source) {
-        $Source = [Console]::OpenStandardInput()
-        [Console]::Out.WriteLine('rarms-receiver/1 ready ' + $MyInvocation.MyCommand.Module.Version)
-    }
+    [CmdletBinding(PositionalBinding = $false)] [OutputType([int])]
+    param([Parameter(Mandatory)] [System.IO.Stream] $Source)
     $folder = ''
+    $held = $null
     try {
         $ascii = [System.Text.Encoding]::ASCII
         # It reads no further than it is told.
@@ -1442,6 +1566,9 @@ function Receive-RarmsPlan {
             [void] [System.IO.Directory]::CreateDirectory($folder)
             $user = [System.Security.Principal.WindowsIdentity]::GetCurrent().User.Value
             Protect-Path -Path $folder -Descriptor ('D:P(A;OICI;FA;;;' + $user + ')') -Sections 'Access'
+            $path = [System.IO.Path]::Combine($folder, 'held')
+            $held = [System.IO.FileStream]::new($path, 'CreateNew', 'Write', 'Inheritable')
+            Clear-LeftFolder -User $user
         }
         $main = ''
         for ($at = 1; $at -lt $table.Count; $at++) {
@@ -1460,27 +1587,71 @@ function Receive-RarmsPlan {
         $start.Arguments = '-NoProfile -NonInteractive -ExecutionPolicy RemoteSigned -File "{0}" {1}' -f $main, $table[0]
         $start.UseShellExecute = $false
         $start.RedirectStandardInput = $true
+        $start.EnvironmentVariables['RARMS_RECEIVER'] = [string] $PID
         $child = [System.Diagnostics.Process]::Start($start)
-        $child.StandardInput.Close()
-        $data = [byte[]]::new(99)
-        $more = $Source.ReadAsync($data, 0, 99)
-        while (-not $child.WaitForExit(200)) {
-            if ($null -eq $more -or -not $more.IsCompleted) { continue }
-            $line = $ascii.GetString($data, 0, $more.Result)
-            $more = $null
-            if ($line -ceq 'o') { continue }
-            $kind = if ($line -cmatch '\.$') { '.next' } else { '.stop' }
-            [System.IO.File]::WriteAllText($main + $kind, $line)
-            $more = if ($line) { $Source.ReadAsync($data, 0, 99) }
-        }
+        try {
+            $child.StandardInput.Close()
+            $data = [byte[]]::new(4096)
+            $more = $Source.ReadAsync($data, 0, $data.Length)
+            $line = ''
+            while (-not $child.WaitForExit(200)) {
+                if ($null -eq $more -or -not $more.IsCompleted) { continue }
+                $line += $ascii.GetString($data, 0, $more.Result)
+                $kind = if ($more.Result -eq 0 -or $line -cmatch '(^|\.)s$') { '.stop' } else { '.next' }
+                $more = if ($kind -ceq '.next' -and $line -cne 'o') { $Source.ReadAsync($data, 0, $data.Length) }
+                # The rest of a line may come later.
+                if ($kind -ceq '.next' -and $line -cnotmatch '\.$') { continue }
+                Write-SharedFile -Path ($main + $kind) -Text $line
+                $line = ''
+            }
+        } finally { Wait-Child -Child $child -Script $main }
         $child.ExitCode
     } catch {
         [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
         90
     } finally {
-        try { if ($folder) { [System.IO.Directory]::Delete($folder, $true) } }
+        # Last: a child that runs is told to stop by a file in it.
+        if ($held) { $held.Dispose() }
+        try { if ($folder) { Use-SharedFile -Writing -Path $folder -Do { [System.IO.Directory]::Delete($folder, $true) } } }
         catch { [Console]::Error.WriteLine('rarms could not remove ' + $folder) }
     }
+}
+
+function Clear-LeftFolder {
+    # Removes what killed receivers left of this user: folders with a file that neither a receiver nor its script holds.
+    param([string] $User)
+    foreach ($folder in @([System.IO.Directory]::GetDirectories([System.IO.Path]::GetTempPath(), 'rarms-*'))) {
+        try {
+            $owner = (Get-Acl -LiteralPath $folder).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+            if (@($User, 'S-1-5-32-544') -cnotcontains $owner) { continue }
+            $path = [System.IO.Path]::Combine($folder, 'held')
+            [System.IO.FileStream]::new($path, 'Open', 'Read', 'None').Dispose()
+            [System.IO.Directory]::Delete($folder, $true)
+        } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+}
+
+function Wait-Child {
+    # Asks a script to end before its next step, and waits for that. A script that cannot be asked is ended.
+    param([System.Diagnostics.Process] $Child, [string] $Script)
+    if ($Child.HasExited) { return }
+    try { Write-SharedFile -Path ($Script + '.stop') -Text 's' } catch { if (-not $Child.HasExited) { $Child.Kill() } }
+    $Child.WaitForExit()
+}
+
+function Write-SharedFile {
+    # Writes text from this byte on to the file's end. It is on the disk when this returns.
+    param([string] $Path, [string] $Text, [long] $From = 0)
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($Text)
+    $stream = Use-SharedFile -Writing -Path $Path -Do {
+        [System.IO.FileStream]::new($Path, 'OpenOrCreate', 'Write', 'Read')
+    }
+    try {
+        $stream.SetLength($From)
+        $stream.Position = $From
+        $stream.Write($data, 0, $data.Length)
+        $stream.Flush($true)
+    } finally { $stream.Dispose() }
 }
 
 function Protect-Path {
@@ -1493,7 +1664,7 @@ function Protect-Path {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data, [int] $Count = $Data.Length)
+    param([byte[]] $Data)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Data.Length)) -replace '-', '').ToLowerInvariant()
 }

@@ -2,18 +2,25 @@
 # Which setting is next is asked of the file beside this script that ends with .next: `3 run 45 55.` or `4 rest.`
 
 function Invoke-RarmsMeasuring {
-    # Everything that a measuring script does. However it ends, nothing of what it made stays.
+    <#
+    .SYNOPSIS
+        Makes test partitions, measures in them, and removes them, however it ends.
+    .PARAMETER Run
+        What a script hands over, as Invoke-RarmsPlan gets it.
+    #>
     [CmdletBinding()]
     param([Parameter(Mandatory)] [System.Collections.IDictionary] $Run)
     $script:Held = $false
     try {
         Initialize-Run -Run $Run
         $script:Tests = @()         # test partitions, in the order in which their reserves are asked for
-        $script:TestFolder = '[\\/]rarms-p[12](\.rarms-0{12})?$'
-        $script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
+        $script:TestFolder = '[\\/]rarms-p(?:1|2b?)(\.rarms-0{12})?$'
+        $script:TestDisk = '[\\/]rarms-p(?:1|2b?)-0{12}\.vhdx?$'
         $script:Works = @()         # components and loads inside guests
-        $script:Sessions = [hashtable]::new($script:Ordinal)  # by number of a work: the session into its guest
+        $script:Sessions = Get-OrdinalTable  # by number of a work: the session into its guest
+        $script:Secrets = Get-OrdinalTable  # by name: what opens them
         $script:Jobs = @()          # what runs there now
+        $script:Receiver = $null    # its process
         $script:Setting = ''        # what was asked for last
         $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # of the setting
         $script:Due = [long] 0      # when on it the counters are read next, in ms
@@ -44,14 +51,29 @@ function Complete-Measurement {
     Lock-Host
     $script:Held = $true
     Assert-VmHost
+    # What cannot be read is told before anything is made.
+    foreach ($work in $script:Works) { $script:Secrets[$work.Logon] = Get-GuestSecret -Name $work.Logon }
     Remove-TestPartition -Tell
     foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
     foreach ($work in $script:Works) { Connect-Guest -Work $work }
     Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
-    $stop = $script:Run.ScriptPath + '.stop'
-    while ($script:Works.Count -and -not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)) { Step-Setting }
+    while ($script:Works.Count -and -not (Test-Stopped)) { Step-Setting }
     Remove-Measurement
     Write-RunEvent -Kind 'run' -Status 'done'
+}
+
+function Test-Stopped {
+    # Whether it is to end: it was asked to, or the receiver that started it is gone, so that nobody can ask it.
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return $true }
+    if (-not $env:RARMS_RECEIVER) { return $false }
+    try {
+        $known = $null -ne $script:Receiver
+        if (-not $known) { $script:Receiver = [System.Diagnostics.Process]::GetProcessById($env:RARMS_RECEIVER) }
+        $script:Receiver.HasExited
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+        $true
+    }
 }
 
 function Remove-Measurement {
@@ -93,9 +115,7 @@ function Get-NextSetting {
     # Another one is asked for once the whole line is there; of two that came as one, the newer.
     $path = $script:Run.ScriptPath + '.next'
     $text = ''
-    try {
-        if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }
-    } catch { Write-Verbose -Message $_.Exception.Message }
+    if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { $text += Read-SharedFile -Path $path }
     if ($text -cmatch '[0-9]+ (?:rest|run(?: [0-9]{1,3})*)\.$') { $Matches[0] } else { $script:Setting }
 }
 
@@ -142,7 +162,7 @@ function Wait-Load {
             if (@('NotStarted', 'Running') -cnotcontains [string] $job.Job.State) {
                 throw ('{0} ended inside its guest: {1}' -f $job.Name, $job.Job.State)
             }
-            if (Microsoft.PowerShell.Management\Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return }
+            if (Test-Stopped) { return }
             Start-Sleep -Milliseconds 100
         }
     }
@@ -168,7 +188,7 @@ function Write-Counter {
     $due = $script:Due
     foreach ($set in @('Virtual Processor', 'Logical Processor', 'Root Virtual Processor')) {
         $class = 'Win32_PerfRawData_HvStats_HyperVHypervisor' + ($set -creplace ' ', '')
-        $seen = [hashtable]::new($script:Ordinal)
+        $seen = Get-OrdinalTable
         foreach ($one in @(Get-CimInstance -ClassName $class)) {
             $of = [string] $one.Name -creplace ':?(Hv LP|Hv VP|Root VP) [0-9]+$', ''
             if ($of -ceq $one.Name) { continue }  # a total

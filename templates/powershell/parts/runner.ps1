@@ -4,12 +4,12 @@ function Add-GuestWork {
     # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load, or
     # calibrated: a load that writes a line when it has counted what a processor does.
     param(
-        [string] $Partition, [string] $Credential, [string] $Name, [string] $Kind, [string] $Program,
+        [string] $Partition, [string] $Logon, [string] $Name, [string] $Kind, [string] $Program,
         [string] $Arguments, [string] $Folder, [string] $Environment, [string] $Files, [long] $PeriodTicks,
         [long] $TimeoutMs, [long] $Instances
     )
     $script:Works += @{
-        number = $script:Works.Count; Partition = $Partition; Credential = $Credential; Told = [ordered] @{
+        number = $script:Works.Count; Partition = $Partition; Logon = $Logon; Told = [ordered] @{
             Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; folder = $Folder
             environment = $Environment; files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs
             instances = $Instances; reserve = [long] 0
@@ -21,7 +21,7 @@ function Connect-Guest {
     # A session into the guest of a partition by PowerShell Direct, as soon as its Windows answers.
     param([System.Collections.IDictionary] $Work)
     $at = $Work.Partition
-    $secret = Get-GuestSecret -Name $Work.Credential
+    $secret = $script:Secrets[$Work.Logon]
     $until = [DateTime]::UtcNow.AddMilliseconds(600000)
     while ($true) {
         try {
@@ -31,8 +31,7 @@ function Connect-Guest {
         } catch {
             # A guest that boots refuses like one with another password.
             $problem = [string] $_.Exception.Message
-            $stop = $script:Run.ScriptPath + '.stop'
-            $late = -not ([DateTime]::UtcNow -lt $until) -or (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)
+            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Stopped)
             if ($null -ne $script:Ending -or $late) { throw $problem }
             Write-Progressed -Partition $at -Status 'reading' -Detail $problem
         }
@@ -48,7 +47,7 @@ function Find-WorkMachine {
         if ($mark.Name -cne $Partition -or $mark.Application -cne $script:Plan.Application) { continue }
         if ((ConvertTo-RunState -State $vm.State) -ceq 'running') { return $vm }
     }
-    Stop-Run -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
+    Exit-Run -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
 }
 
 function Get-GuestSecret {
@@ -56,10 +55,18 @@ function Get-GuestSecret {
     # as ConvertFrom-SecureString writes it.
     param([string] $Name)
     $path = '{0}\credentials\{1}.txt' -f $script:Folder, ($Name -creplace '/', '_')
-    if (-not ([System.IO.File]::Exists($path))) { Stop-Run -Detail ('there is no credential {0}' -f $path) }
+    $text = Read-SharedFile -Path $path
+    if ($null -eq $text) { Exit-Run -Detail ('there is no credential {0}' -f $path) }
     Assert-Owner -Path $path
-    $lines = @([System.IO.File]::ReadAllText($path) -split '\r?\n')
-    $password = ConvertTo-SecureString -String $lines[1]
+    $data = [System.Text.Encoding]::GetEncoding(28591).GetBytes($text)
+    $lines = @([System.Text.Encoding]::UTF8.GetString($data) -split '\r?\n')
+    try { $password = ConvertTo-SecureString -String $lines[1] }
+    catch {
+        $text = '{0} was written by another user or on another computer. Write it again here, as {1}: '
+        $text += '$guest = Get-Credential; Set-Content -LiteralPath {0} -Value $guest.UserName, '
+        $text += '(ConvertFrom-SecureString $guest.Password)'
+        Exit-Run -Detail ($text -f $path, [Environment]::UserName)
+    }
     [System.Management.Automation.PSCredential]::new($lines[0], $password)
 }
 

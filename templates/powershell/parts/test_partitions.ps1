@@ -31,9 +31,9 @@ function Add-TestMachine {
     $disk = '{0}\{1}-{2}.{3}' -f $folder, $Test.Name, $script:Plan.Plan, $Test.Type
     $old = Get-DiskReading -Path $disk -Parent $Test.Image -Everywhere
     if ($old.exists -and (-not $old.child -or $old.used)) {
-        Stop-Run -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
+        Exit-Run -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
     }
-    if ($old.exists) { Remove-DiskFile -Path $disk }
+    if ($old.exists) { Remove-Item -LiteralPath $disk }
     Add-Folder -Path $folder
     [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
     Hyper-V\Add-VMHardDiskDrive -VM $vm -Path $disk
@@ -61,7 +61,7 @@ function Remove-TestPartition {
     foreach ($vm in @(Hyper-V\Get-VM)) {
         $mark = Get-Mark -Vm $vm
         $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
-        if (-not ($called -cmatch '^rarms-p[12]\.rarms-0{12}$')) { continue }
+        if (-not ($called -cmatch '^rarms-p(?:1|2b?)\.rarms-0{12}$')) { continue }
         if (Get-Tie -Vm $vm) { continue }
         $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Microsoft.PowerShell.Core\Where-Object -FilterScript {
             [string] $_.Path -cmatch $script:TestDisk
@@ -72,7 +72,7 @@ function Remove-TestPartition {
         $folders = @([string] $vm.Path)
         Hyper-V\Remove-VM -VM $vm -Force
         foreach ($disk in $disks) {
-            Remove-DiskFile -Path $disk.Path
+            Remove-Item -LiteralPath $disk.Path
             $folders += [System.IO.Path]::GetDirectoryName($disk.Path)
         }
         $folders = @(foreach ($one in $folders) { if ($one -cmatch $script:TestFolder) { $one } })

@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f45445d1a1e1 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 8b41ee24e094 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
-    machine  processors  reserve                memory  disk                                                                  switch  secure boot  start
-    vision   2           1.6 LP (80 % of each)  1 GiB   D:\machines\vision\vision-f45445d1a1e1.vhdx from D:\images\base.vhdx  lab     as made      start
-    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
+    machine  processors  reserve                weight  memory  disk                                                                  switch  secure boot  start
+    vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-8b41ee24e094.vhdx from D:\images\base.vhdx  lab     default      start
+    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something (and how often): Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
-    Not undone: vision: what was written on the disk made from D:\images\base.vhdx goes with it
+    Not undone: vision: all data on the disk created from D:\images\base.vhdx is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -20,10 +20,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
+    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 8e6769c0bc630996f67f7476c9eb76d347372ee4647a3094b735e26b7d48e5ef, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo b7130151952bfd4ff1ef233fb75db5fb93e737c4fd38145c741e86bd90bb3f5e, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -39,35 +39,35 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'f45445d1a1e1'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8e6769c0bc630996f67f7476c9eb76d347372ee4647a3094b735e26b7d48e5ef'
+        Run = 'apply'; Purpose = 'apply'; Plan = '8b41ee24e094'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'b7130151952bfd4ff1ef233fb75db5fb93e737c4fd38145c741e86bd90bb3f5e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === vision: it is not there (rarms.yaml:15:3) ================================================
+    # === vision: it does not exist (rarms.yaml:15:3) ==============================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-f45445d1a1e1' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+        Hyper-V\New-VM -Name 'vision.rarms-8b41ee24e094' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' -Parent 'D:\images\base.vhdx' }
-    Add-Step -Action 'make a disk that grows out of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-8b41ee24e094.vhdx' -Parent 'D:\images\base.vhdx' }
+    Add-Step -Action 'create a disk that is a child of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
     } -Set {
         Add-Folder -Path 'D:\machines\vision'
-        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
+        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-8b41ee24e094.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
     }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
+    Add-Step -Action 'set all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
-        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-f45445d1a1e1.vhdx' }
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-8b41ee24e094.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
-        Move-NewPartition -From 'D:\machines\vision.rarms-f45445d1a1e1' -To 'D:\machines\vision'
+        Move-NewPartition -From 'D:\machines\vision.rarms-8b41ee24e094' -To 'D:\machines\vision'
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
@@ -83,16 +83,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

@@ -1,16 +1,16 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan aaafbec3127d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 95c46acde219 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
-    name        what is done                                                       off
-    speech      stopped; removed                                                   for good, after 120 s at most
-    task/Games  set Priority 4 -> 2; forget it: it is no longer ours
-    vision      stopped; removed; delete its disk D:\vms\vision-0123456789ab.vhdx  for good, after 120 s at most
-    Time: some seconds a call. It waits 240 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
-    Only these calls change something (and how often): Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
-    Not undone: speech, vision: the machine is not made again
-    Not undone: vision: what is on the disk is lost
+    name        the running step                                                           off
+    speech      stopped; removed                                                           for good, after at most 120 s
+    task/Games  set Priority 4 -> 2; delete its record: rarms does not manage it any more
+    vision      stopped; removed; delete its disk D:\vms\vision-0123456789ab.vhdx          for good, after at most 120 s
+    Time: a few seconds for each call. It waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something (and how often): Remove-Item 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
+    Not undone: speech, vision: the machine cannot be created again
+    Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -23,10 +23,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
+    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 26895a92d3094f9dbecad47038f245e3234c6b8f52b9fd8dbaff5847e47c37bd, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 114a7817bb1cafd5f9ca9fb10aaeff3d6a25254c6beb63bca18f3dfdc9969371, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -42,14 +42,14 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'destroy'; Plan = 'aaafbec3127d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '26895a92d3094f9dbecad47038f245e3234c6b8f52b9fd8dbaff5847e47c37bd'
+        Run = 'apply'; Purpose = 'destroy'; Plan = '95c46acde219'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '114a7817bb1cafd5f9ca9fb10aaeff3d6a25254c6beb63bca18f3dfdc9969371'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
-    # === speech: it is not wanted on this host (rarms.yaml:14:3) ==================================
+    # === speech: it is not planned for this host (rarms.yaml:14:3) ================================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
+    Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine' -Before @{
@@ -58,9 +58,9 @@ $plan = {
         exists = $false
     } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
 
-    # === vision: it is not wanted on this host (rarms.yaml:13:3) ==================================
+    # === vision: it is not planned for this host (rarms.yaml:13:3) ================================
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
+    Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine, keep its other disks' -Before @{
@@ -71,9 +71,9 @@ $plan = {
     Use-Target -Address 'partition/vision/disk/vision-0123456789ab.vhdx' -Read { Get-DiskReading -Path 'D:\vms\vision-0123456789ab.vhdx' -Parent 'D:\images\robot.vhdx' -Everywhere }
     Add-Step -Action 'delete its disk D:\vms\vision-0123456789ab.vhdx' -Before @{ child = $true; exists = $true; used = $false } -After @{
         exists = $false
-    } -Set { Remove-DiskFile -Path 'D:\vms\vision-0123456789ab.vhdx' }
+    } -Set { Remove-Item -LiteralPath 'D:\vms\vision-0123456789ab.vhdx' }
 
-    # === task/Games: no component here names it any more ==========================================
+    # === task/Games: no component of this system uses it now ======================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
     Add-Step -Action 'set Priority 4 -> 2' -Same @{ 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium' } -Before @{
         'value:backgroundpriority' = 'dword:4'; 'value:priority' = 'dword:4'
@@ -91,7 +91,9 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Same @{ robot = '' } -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
+    Add-Step -Action 'delete its record: rarms does not manage it any more' -Same @{ robot = '' } -Before @{
+        record = 'robot'; set = '87f85213b779'
+    } -After @{
         empty = $false; record = ''; set = ''
     } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
@@ -99,16 +101,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

@@ -1,16 +1,16 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan aaafbec3127d of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 95c46acde219 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted; task classes: 1 changed, 0 removed.
-    name        what is done
-    speech      started, if the run ended before it was removed
-    task/Games  record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium
-    vision      started, if the run ended before it was removed
-    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
+    name        the running step
+    speech      started, if the run ended before the machine was removed
+    task/Games  record it as managed, with its earlier values; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium
+    vision      started, if the run ended before the machine was removed
+    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something (and how often): Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
-    Not undone: speech, vision: the machine is not made again
-    Not undone: vision: what is on the disk is lost
+    Not undone: speech, vision: the machine cannot be created again
+    Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -23,10 +23,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it undoes what was done, the last step first.
+    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -42,13 +42,13 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'destroy'; Plan = 'aaafbec3127d'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'destroy'; Plan = '95c46acde219'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
-    # === task/Games: undoes what the apply script did to it, the last step first ==================
+    # === task/Games: undoes the steps of the apply script, the last one first =====================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 6 -Same @{ robot = '' } -Before @{
+    Add-Step -Action 'record it as managed, with its earlier values' -Undoes 6 -Same @{ robot = '' } -Before @{
         record = ''; set = ''
     } -After @{
         record = 'robot'; set = '87f85213b779'
@@ -72,13 +72,13 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
 
-    # === vision: undoes what the apply script did to it, the last step first (rarms.yaml:13:3) ====
+    # === vision: undoes the steps of the apply script, the last one first (rarms.yaml:13:3) =======
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Undoes 2 -Lost 3 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
         Hyper-V\Start-VM -VM $script:Vm
     }
 
-    # === speech: undoes what the apply script did to it, the last step first (rarms.yaml:14:3) ====
+    # === speech: undoes the steps of the apply script, the last one first (rarms.yaml:14:3) =======
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Lost 1 -Before @{ state = 'off' } -After @{ state = 'running' } -Set {
         Hyper-V\Start-VM -VM $script:Vm
@@ -88,16 +88,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

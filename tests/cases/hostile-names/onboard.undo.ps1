@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f063653ea86c of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 30bad01d3334 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
-    name    what is done      off
-    vision  stopped; removed  for good, after 120 s at most
-    Time: some seconds a call. It waits 120 s at most while guests stop, one after another; 300 s at most at the end, where a guest restarts just then.
+    name    the running step  off
+    vision  stopped; removed  for good, after at most 120 s
+    Time: a few seconds for each call. It waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
     Only these calls change something (and how often): Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -19,10 +19,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it undoes what was done, the last step first.
+    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -38,37 +38,42 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'f063653ea86c'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '30bad01d3334'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
-    # === vision: undoes what the apply script did to it, the last step first (rarms.yaml:15:3) ====
+    # === vision: undoes the steps of the apply script, the last one first (rarms.yaml:15:3) =======
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
-    Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Undoes 2 -Before @{ state = 'running' } -After @{
+    Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 2 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-f063653ea86c') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
-    Add-Step -Action 'remove its folders, where they are empty' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-f063653ea86c') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-30bad01d3334') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
+    Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
+        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-30bad01d3334') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 973cb0225748 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan e49473124bbd of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
-    Time: some seconds a call. It waits 300 s at most at the end, where a guest restarts just then.
+    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something (and how often): Set-VMMemory 1, Write-Mark 1.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -18,10 +18,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
+    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo c8ceaf830e14b8076f43f695ccad63874f683c148487116ea7a13b7e7303142c, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 9c8368aac5ffbb900d8632c2c05612dd743d26edb16798524721ef20b47d54dc, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '973cb0225748'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c8ceaf830e14b8076f43f695ccad63874f683c148487116ea7a13b7e7303142c'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'e49473124bbd'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9c8368aac5ffbb900d8632c2c05612dd743d26edb16798524721ef20b47d54dc'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,16 +57,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fb76b029aac5 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan b61fff91db43 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
-    vision/task/MotionControl  bring back what MotionControl was before rarms
-    Time: some seconds a call. It waits for no guest.
+    vision/task/MotionControl  restore the values of MotionControl from before rarms
+    Time: a few seconds for each call. It waits for no guest.
     Only these calls change something (and how often): Remove-TaskRecord 1, Restore-TaskClass 1.
-    Not undone: vision: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
+    Not undone: vision: restores the values of the class from before rarms
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
 .PARAMETER LockTimeout
@@ -19,10 +19,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.guest.vision.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it undoes what was done, the last step first.
+    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -37,13 +37,13 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'fb76b029aac5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Run = 'undo'; Purpose = 'apply'; Plan = 'b61fff91db43'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
-    # === vision: undoes what the apply script did to it, the last step first (rarms.yaml:12:65) ===
+    # === vision: undoes the steps of the apply script, the last one first (rarms.yaml:12:65) ======
     Use-Target -Address 'partition/vision/task/MotionControl' -Read { Get-GuestTaskClassReading -Task 'MotionControl' -Application 'robot' -Replace $false }
-    Add-Step -Action 'bring back what MotionControl was before rarms' -Undoes 0 -Before @{
+    Add-Step -Action 'restore the values of MotionControl from before rarms' -Undoes 0 -Before @{
         record = 'robot'; set = '59f2d42fe4cf'; taken = $false
     } -After @{
         empty = $false; record = ''; set = ''
@@ -56,16 +56,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d63bfd2b2983 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 180aff4c51e0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
-    task/Games  record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
-    Time: some seconds a call. It waits for no guest.
+    task/Games  record it as managed, with its earlier values; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
+    Time: a few seconds for each call. It waits for no guest.
     Only these calls change something (and how often): Write-TaskRecord 1, Write-TaskValue 8.
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
@@ -18,10 +18,10 @@
     Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. Undo it with .\onboard.undo.ps1, next to it.
+    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo c5a1a10a3cf8ec4c83d9aa2b2c225efd2dc9ccab4420e860af085474e6dc494f, Rarms.psm1 FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo ad7ac531ee5a0c44ae395f0ae92892a340a1c831a1c28540c832d9db376574ef, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
 #>
 
 #Requires -Version 5.1
@@ -37,14 +37,14 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'd63bfd2b2983'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c5a1a10a3cf8ec4c83d9aa2b2c225efd2dc9ccab4420e860af085474e6dc494f'
+        Run = 'apply'; Purpose = 'apply'; Plan = '180aff4c51e0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ad7ac531ee5a0c44ae395f0ae92892a340a1c831a1c28540c832d9db376574ef'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
     # === task/Games: the manifest replaces it (rarms.yaml:12:50) ==================================
     Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
-    Add-Step -Action 'record that it is ours, and what was there' -Same @{ robot = '' } -Before @{ record = ''; set = '' } -After @{
+    Add-Step -Action 'record it as managed, with its earlier values' -Same @{ robot = '' } -Before @{ record = ''; set = '' } -After @{
         record = 'robot'; set = '55e1eaac32c9'
     } -Set {
         Write-TaskRecord -Task 'Games' -Application 'robot' -Robot '' -Digest '55e1eaac32c9' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
@@ -70,16 +70,21 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FF27E0E4A1FA06160CA52264892CCBE919B53147AEEF386B5A2258349C74985D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
-    $data = [System.IO.File]::ReadAllBytes([System.IO.Path]::Combine($folder, $name))
-    $size = ([System.Text.Encoding]::ASCII.GetString($data) -creplace $form, '').Length
-    $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $size))
-    if ($sum.Replace('-', '') -cne $digests[$name]) { throw ('{0} in {1} is not that of rarms 0.1.0: put it there' -f $name, $folder) }
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
 }
-$rarms = Import-Module -Name ([System.IO.Path]::Combine($folder, 'Rarms.psd1')) -Force -PassThru
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
 #endregion
 $code = 1
 if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }

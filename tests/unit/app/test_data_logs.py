@@ -1,13 +1,21 @@
 """Plans with measured reservations, from files to exit codes."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.data_logs import known_platform, why_outdated
+from rarms_iac.app.data_logs import known_platform, measured_reservations, stale_advice, why_outdated
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.model.layout import LookedUp
+from rarms_iac.model.seen_host import unseen
+from rarms_iac.model.setting import SettingEvidence
+from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.state import State
+from rarms_iac.planner.measured_conditions import other_governor
+from rarms_iac.storage.datalog.identity import Changed
 from tests.builders import a_host
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
@@ -73,6 +81,28 @@ def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
     assert "file vision.py changed; vision.simulation.work: 61.6 ms -> 62 ms" in " ".join(answer.err.split())
 
 
+def test_little_memory_and_another_governor_are_warnings(here: Path) -> None:
+    seen = SettingEvidence(elapsed_ms=1.0, memory_peak=480 * 2**20, speeds=(MachineSpeed(governor="performance"),) * 2)
+    settings = [replace(a_setting(reserve, steady("vision", mean)), evidence=seen) for reserve, mean in MEANS.items()]
+    leave_log(here, ["vision"], settings)
+
+    answer = rarms("plan", "-f", str(here))
+
+    assert "warning[RARMS127]" in answer.out
+    assert "vision used up to 480 MiB while measured, and has 512 MiB." in " ".join(answer.out.split())
+    assert "Write `memory: 576 MiB` or more" in " ".join(answer.out.split())
+    assert "RARMS406" not in answer.out, "the simulated host has no governor"
+
+    manifest = load_manifest(ManifestSource(manifest=str(here)))
+    onboard = unseen(manifest.system.hosts["onboard"], "robot")
+    host = replace(onboard, state=State(facts=replace(onboard.facts, governor="powersave")))
+    (vision,) = manifest.system.components.values()
+    found = measured_reservations(manifest, {}).look_up((vision,), host.host)
+    assert isinstance(found, LookedUp)
+    (finding,) = other_governor(host, [(("vision",), found)], manifest.places)
+    assert finding.detail.startswith("onboard uses the governor powersave; vision was measured with performance.")
+
+
 def test_components_in_own_folder_outdate_a_log(here: Path) -> None:
     measure(here, MEANS)
     code = here / "code"
@@ -97,6 +127,14 @@ def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(("before", "after"), [("simulated", "hyperv"), ("linux", "simulated")])
+def test_simulated_figures_never_hold_for_real_hosts(before: str, after: str) -> None:
+    advice = stale_advice([Changed(part="provider", before=before, after=after)], ("vision",))
+
+    assert str(advice).startswith("Measurements on a simulated host never hold for a real one.")
+    assert [each.text for each in advice.commands] == ["rarms measure vision --again"]
+
+
 def test_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 90 ms")
@@ -107,7 +145,7 @@ def test_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> No
     answer = rarms("plan", "-f", str(here))
 
     assert answer.code == 0
-    assert "70 %" in answer.out
+    assert "1.4 LP" in answer.out
 
 
 def test_missing_files_are_notes_and_builds_warnings(here: Path) -> None:

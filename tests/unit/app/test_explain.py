@@ -44,18 +44,20 @@ def test_rows_lead_from_the_threshold_to_the_reserve(here: Path) -> None:
         "mean_response_time": "at most 100 ms (manifest)",
         "data log": "measurements/two-core/vision/busy-loop.jsonl (6 settings, 2026-01-01T00:00:00Z)",
         "measured on": "simulated, 2 LP without SMT (simulated, scheduler classic, build 26100)",
-        "load": "busy-loop (asks for most; bursts-20 and bursts-100 for no more)",
+        "load": "busy-loop (needs the most; bursts-20 and bursts-100 need no more)",
         "mean_response_time at 62 % of its 2 VPs": "97 ms, at worst 97.4 ms: met (2000 samples)",
         "mean_response_time at 61 % of its 2 VPs": "105 ms, at worst 105.5 ms: missed (2000 samples)",
         "reservation": "1.24 LP (62 % of onboard) (the least whole per cent of its VPs at which every threshold holds)",
-        "reserve": "1.24 LP (62 % of its 2 VPs) (whole per cent of its VPs: nothing is lost)",
+        "reserve": "1.24 LP (62 % of its 2 VPs) (whole per cent of its VPs: not rounded)",
         "partition": "vision (alone)",
-        "processors": "2 virtual processors (as many as the host has; how many it uses at once is not known)",
+        "processors": "2 virtual processors (as many as the host has, because its use is not measured yet)",
         "memory": "512 MiB (manifest)",
-        "limit": "2 LP (100 % of its 2 VPs) (left open: a cap would falsify what was measured)",
+        "limit": "2 LP (100 % of its 2 VPs) (left open: a limit would make its measurements invalid)",
         "weight": "3000 (policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000)",
-        "host": "onboard (The choice of hosts is optimal: no other reserves less, and none that reserves as much "
-        "moves fewer.)",
+        "host": (
+            "onboard (The placement is optimal: no other reserves less, or moves fewer partitions with the "
+            "same reservation.)"
+        ),
         "free on onboard": "0.76 LP of 2 LP",
         "other compounds": "none (`rarms tune` has measured nothing on two-core)",
         "on workshop": "1.24 LP (no room)",
@@ -72,8 +74,8 @@ def test_fixed_reserve_that_does_not_fit_has_errors(here: Path) -> None:
 
     assert found["reservation"] == "1.25 LP (62.5 % of onboard) (manifest: vision)"
     assert found["reserve"] == "1.26 LP (63 % of its 2 VPs) (whole per cent of its VPs: rounded up by 0.01 LP)"
-    assert found["host"] == "onboard (once there is a layout)"
-    assert found["other compounds"] == "none (its reserve is not measured)"
+    assert found["host"] == "onboard (not planned until there is a layout)"
+    assert found["other compounds"] == "none (its reservation is not measured)"
     assert rarms("explain", "vision", "-f", str(here)).err.count("error[RARMS014]") == 1
 
 
@@ -113,13 +115,13 @@ def test_partition_by_hand_fixes_reserve_and_its_members(here: Path) -> None:
     found = rows(here, "speech")
 
     assert found["reservation"] == "1.4 LP (70 % of onboard) (manifest: partition vision)"
-    assert found["combined"] == "by hand (manifest: partitions; no tuning on record wrote it)"
+    assert found["combined"] == "by hand (manifest: partitions; not written by a recorded tuning)"
 
 
-def test_what_is_no_component_says_so(here: Path) -> None:
+def test_explain_of_unknown_word_suggests_one(here: Path) -> None:
     for word, meant in (("visoin", "vision"), ("RAMS014", "RARMS014")):
         unknown = rarms("explain", word, "-f", str(here))
-        message = f'The manifest has no component "{word}", and no finding is called so. Did you mean "{meant}"?'
+        message = f'"{word}" is neither a component nor a finding. Did you mean "{meant}"? Components: vision.'
         assert unknown.code == 64
         assert message in " ".join(unknown.err.split())
 
@@ -131,7 +133,7 @@ def test_component_without_log_has_known_rows(here: Path) -> None:
     assert found["data log"].startswith("none (vision is not measured on two-core with busy-loop yet")
     assert found["reservation"] == "not known (not measured)"
     assert (found["partition"], found["processors"]) == ("vision (alone)", "2 virtual processors")
-    assert found["host"] == "onboard (once its reservation is known)"
+    assert found["host"] == "onboard (not planned until its reservation is known)"
     assert found["other compounds"] == "none (`rarms tune` has measured nothing on two-core)"
     assert rarms("explain", "vision", "-f", str(here)).err.count("RARMS100") == 1
 
@@ -143,7 +145,7 @@ def test_unmet_apt_shows_the_best_setting(here: Path) -> None:
 
     assert found["mean_response_time at 100 % of its 2 VPs"].startswith("150 ms, at worst ")
     assert ": missed (" in found["mean_response_time at 100 % of its 2 VPs"]
-    assert found["reservation"] == "not known (no setting that was measured is enough)"
+    assert found["reservation"] == "not known (no measured setting is enough)"
 
 
 def test_a_maximum_is_met_so_far(here: Path) -> None:
@@ -167,17 +169,17 @@ def test_fixed_reserve_is_compared_with_its_data_log(here: Path) -> None:
     assert found["data log"].endswith("vision/busy-loop.jsonl (6 settings, 2026-01-01T00:00:00Z, not used)")
 
 
-def test_component_without_reservation_and_one_on_host(here: Path) -> None:
+def test_explain_without_reservation_and_on_the_host(here: Path) -> None:
     more = "  logging: { criticality: 1, memory: 64 MiB }\n"
     more += "  driver: { criticality: 2, runs_on: host, task: MotionControl }\n  vision:\n"
     edit(here / "rarms.yaml", "  vision:\n", more)
     measure(here, MEANS)
 
-    assert rows(here, "logging")["reservation"] == "none (nothing asks for one)"
+    assert rows(here, "logging")["reservation"] == "none (not set)"
     assert rows(here, "driver") == {
         "threshold": "none (manifest)",
         "host": "onboard (manifest: runs_on: host)",
-        "reservation": "none (only partitions have one; it is not measured)",
+        "reservation": "none (only partitions have a reservation; it is not measured)",
         "task class": "MotionControl (manifest)",
         "kept on onboard": "0 LP (keep_for_host)",
     }
@@ -231,8 +233,8 @@ def test_tuned_and_rejected_compounds_are_rows(here: Path) -> None:
         "2026-11-21T23:04:31Z, by the default strategy, proved to be the best)"
     )
     assert tuned["driver+speech"] == (
-        "50 % of its VPs is enough; 40 % is not enough for driver "
-        "(rejected by tuning; outdated: the manifest has no driver any more)"
+        "50 % of its VPs is enough; 40 % is not enough for driver (rejected by tuning; outdated: driver "
+        "was removed from the manifest)"
     )
     assert "speech+vision" not in tuned
     page = rarms("report", "-f", str(here), "--text").out
@@ -269,7 +271,7 @@ def test_explain_says_what_the_plan_says(tmp_path: Path) -> None:
     stays = "it stays on h1: policy.max_disruption does not allow a removal"
     assert there["host"] == too_much["host"] == f"h1 ({stays})"
     assert (there["on h2"], too_much["on h2"]) == (f"0.8 LP ({stays})", f"1.2 LP ({stays})")
-    assert moved["host"] == "h2 (it is on h1 now; an apply makes it again on h2)"
+    assert moved["host"] == "h2 (it is on h1 now; apply removes it there and creates it on h2)"
 
 
 def test_guide_says_what_to_set_in_order(here: Path) -> None:
@@ -300,9 +302,9 @@ def test_fixed_reserve_and_limit_have_guide_too(here: Path) -> None:
     check(facts)
     given = json.loads(facts)["settings"]
     assert (given["reserve"], given["limit"]) == (40, 50)
-    assert "as the manifest fixes it" in answer.out
+    assert "fixed in the manifest" in answer.out
     assert "echo '10000 10000'" in answer.out, "half of two processors in each period of a tenth of 100 ms"
-    assert "nothing is to be set" in answer.out
+    assert "No action is needed" in answer.out
 
 
 def test_no_guide_without_log_or_component(here: Path) -> None:
@@ -319,5 +321,5 @@ def test_guide_without_program_invents_no_words(here: Path) -> None:
     answer = rarms("explain", "vision", "--guide", "-f", str(here))
 
     assert "gets 0.8 LP (80 % of its 1 VP), " in answer.out
-    assert "have vision start with Windows.\n" in answer.out
-    assert "exec COMMAND'`, with what starts vision in place of COMMAND.\n" in answer.out
+    assert "configure vision to start with Windows.\n" in answer.out
+    assert "exec COMMAND'`, with the command of vision for COMMAND.\n" in answer.out

@@ -63,7 +63,7 @@ def test_what_root_writes_stays_the_users(tmp_path: Path) -> None:
     assert [(path.stat().st_uid, path.stat().st_gid) for path in made] == [(NOBODY, NOBODY)] * 4
 
 
-ADVICE = "Remove the link; what it leads to can be copied or mounted there instead."
+ADVICE = "Replace the link with a copy or a mount of its target."
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_linked_folder_is_not_written_through(outside: Path, name: str) -> None:
 
 
 @pytest.mark.needs("posix")
-def test_simulated_host_is_not_changed_through_such_link(outside: Path) -> None:
+def test_simulated_host_is_not_changed_through_link(outside: Path) -> None:
     Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     Path(".rarms").symlink_to(outside)
 
@@ -103,7 +103,7 @@ def test_simulated_host_is_not_changed_through_such_link(outside: Path) -> None:
 
 @pytest.mark.needs("posix")
 @pytest.mark.parametrize("name", [".rarms", "measurements"])
-def test_neither_writer_goes_through_it(outside: Path, name: str) -> None:
+def test_writers_refuse_link_out_of_repository(outside: Path, name: str) -> None:
     Path(name).symlink_to(outside)
 
     with pytest.raises(NotRegular, match="a link that leads out of the repository"):

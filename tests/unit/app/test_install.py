@@ -167,7 +167,7 @@ def test_wheels_that_changed_on_the_way_are_refused(robot: Robot) -> None:
     pip, rarms = wheels_of("2.0", robot.places.state)
     damaged = Wheel(name=rarms.name, digest=rarms.digest, content=rarms.content[:-1] + b"?")
 
-    for wheels, message in (((pip, damaged), "arrived with SHA-256"), ((pip,), "ended early: torn")):
+    for wheels, message in (((pip, damaged), "and arrived with"), ((pip,), "ended early: torn")):
         with pytest.raises(HostRefused) as refused:
             robot.install("2.0", wheels)
         assert message in refused.value.message
@@ -207,20 +207,20 @@ def test_a_folder_that_others_can_write_is_refused(robot: Robot) -> None:
     with pytest.raises(HostRefused) as refused:
         robot.install("2.0")
 
-    assert f"{robot.versions} can be changed by users other than root" in refused.value.message
+    assert f"users other than root can change {robot.versions}" in refused.value.message
 
 
 @pytest.mark.needs("linux", "root")
 def test_nothing_is_removed_below_run_or_partition(robot: Robot) -> None:
     robot.install("1.0")
     journal = robot.begin("1.0")
-    with pytest.raises(HostRefused, match="a run is not finished there: plan p-1 of rarms"):
+    with pytest.raises(HostRefused, match="a run is unfinished there: plan p-1 of rarms"):
         robot.remove()
 
     journal.unlink()
     partition = journal.with_name("1.json")
     partition.write_text("{}")
-    with pytest.raises(HostRefused, match="partitions of rarms are there, in rarms"):
+    with pytest.raises(HostRefused, match="the host still has partitions of rarms, in rarms"):
         robot.remove()
 
     partition.unlink()
@@ -273,7 +273,7 @@ def test_wheel_without_hash_of_lock_is_refused(folder: Path) -> None:
 
     (finding,) = refused.value.findings
     assert finding.code == "RARMS415"
-    assert f"{damaged} does not have a SHA-256 of {LOCK}" in finding.detail
+    assert f"The SHA-256 of {damaged} is" in finding.detail
 
 
 def test_lock_has_one_version_of_each_package() -> None:

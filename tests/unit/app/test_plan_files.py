@@ -139,22 +139,22 @@ def swapped(document: dict[str, Any]) -> None:
         (lambda document: document["inputs"]["layout"]["hosts"].pop("a"), "its layout does not fit its hosts"),
         (lambda document: document["inputs"]["layout"].update(reserved_bound=10**6), "its layout does not fit"),
         (lambda document: document["inputs"].update(layout=None), "its layout does not fit its hosts"),
-        (swapped, "and was written for plan"),
-        (a_remark, "and was written for plan"),
-        (a_stricter_threshold, "and was written for plan"),
-        (lambda document: document["inputs"].update(today="2020-01-01"), "and was written for plan"),
-        (lambda document: document["inputs"].update(purpose="destroy"), "and was written for plan"),
+        (swapped, "it was written for plan"),
+        (a_remark, "it was written for plan"),
+        (a_stricter_threshold, "it was written for plan"),
+        (lambda document: document["inputs"].update(today="2020-01-01"), "it was written for plan"),
+        (lambda document: document["inputs"].update(purpose="destroy"), "it was written for plan"),
         (lambda document: document["inputs"]["texts"][0]["lines"].pop(-2), "its layout does not fit"),
-        (lambda document: document["inputs"]["texts"][0]["lines"].insert(0, ""), "and was written for plan"),
+        (lambda document: document["inputs"]["texts"][0]["lines"].insert(0, ""), "it was written for plan"),
         (lambda document: document["inputs"]["texts"][0]["lines"].insert(0, "x"), "no plan can be made of it"),
         (lambda document: document["inputs"]["texts"].clear(), "no plan can be made of it"),
         (lambda document: document["inputs"]["observed"].update(four=document["inputs"]["observed"]["one"]), "no plan"),
-        (lambda document: document["inputs"]["observed"]["one"]["serials"].update(fleet=3), "and was written for"),
+        (lambda document: document["inputs"]["observed"]["one"]["serials"].update(fleet=3), "it was written for"),
         (
             lambda document: document["inputs"]["reservations"][0]["answer"].update(reservation="11/10"),
             "its layout does not",
         ),
-        (lambda document: document.update(id="0" * 12), "and was written for plan"),
+        (lambda document: document.update(id="0" * 12), "it was written for plan"),
     ],
 )
 @pytest.mark.parametrize("command", ["show", "apply"])
@@ -180,9 +180,9 @@ def test_versions_that_differ_are_named(fleet: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda document: document["inputs"]["versions"].update(rarms="0.0.9"), 'rarms "0.0.9" made it'),
-        (lambda document: document.update(format_version="rarms-plan/2"), 'of the format "rarms-plan/2"'),
-        (lambda document: document.update(certificate={}), "there is no such field"),
+        (lambda document: document["inputs"]["versions"].update(rarms="0.0.9"), 'it was made by rarms "0.0.9"'),
+        (lambda document: document.update(format_version="rarms-plan/2"), 'its format is "rarms-plan/2"'),
+        (lambda document: document.update(certificate={}), "this field is unknown"),
     ],
 )
 def test_another_version_or_format_is_refused(fleet: Path, tmp_path: Path, change: Change, message: str) -> None:

@@ -32,7 +32,7 @@ def test_key_comes_from_variable_or_owners_file(tmp_path: Path) -> None:
 
     assert plan_key({VARIABLE: KEY}) == plan_key({FILE_VARIABLE: str(file)}) == KEY.encode()
     file.chmod(0o640)
-    with pytest.raises(RequestError, match="others than its owner"):
+    with pytest.raises(RequestError, match="other than the owner"):
         plan_key({FILE_VARIABLE: str(file)})
 
 
@@ -126,7 +126,7 @@ def test_signed_plans_policy_needs_a_key(
     assert (unsigned.code, signed.code, told) == (0, 0, [True, False])
 
     assert (refused.code, done.code) == (3, 0)
-    assert "says `signed_plans: true`, and no key is set" in " ".join(refused.err.split())
+    assert "has `signed_plans: true`, but no key is set" in " ".join(refused.err.split())
 
 
 def test_plan_forged_to_need_no_key_is_refused(robot: Path, tmp_path: Path) -> None:

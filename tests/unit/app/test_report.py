@@ -157,7 +157,7 @@ def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[
     ran = rarms(*command, "visoin", "-f", str(robot))
 
     assert ran.code == 64
-    assert """The manifest has no component "visoin". Did you mean "vision"?""" in " ".join(ran.err.split())
+    assert """The manifest does not have the component "visoin". Did you mean "vision"?""" in " ".join(ran.err.split())
 
 
 def status(robot: Path) -> str:
@@ -174,16 +174,16 @@ def test_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     chosen = status(robot)
 
     assert never.startswith("onboard: Not applied yet: partition/vision")
-    assert applied == "onboard: Applied: the host is as the manifest wants it."
+    assert applied == "onboard: Applied: the host is as in the manifest."
     manifest = shlex.quote(str(robot))
     assert chosen == (
-        f"onboard: Not applied yet: partition/vision. `rarms plan -f {manifest}` shows what is to be done, "
+        f"onboard: Not applied yet: partition/vision. `rarms plan -f {manifest}` shows the changes, "
         f"`rarms apply -f {manifest}` does it."
     )
     page = rarms("report", "-f", str(robot), "-o", "-").out
     assert (
-        f"partition/vision. <code>rarms plan -f {manifest}</code> shows what is to be done, "
-        f"<code>rarms apply -f {manifest}</code> does it."
+        f"partition/vision. <code>rarms plan -f {manifest}</code> shows the changes, <code>rarms apply "
+        f"-f {manifest}</code> does it."
     ) in html.unescape(page)
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)
@@ -282,6 +282,14 @@ def levels_in(report: Report) -> list[dict[str, str]]:
         {column.title: show_cell(cell, column.unit) for column, cell in zip(table.columns, row, strict=True)}
         for row in table.rows
     ]
+
+
+def test_fixed_reserve_shows_its_thresholds() -> None:
+    system = with_reserve(a_robot(), "face-detection", "60 %")
+    row = next(row for row in levels_in(report_of_logs(system, [])) if row["component"] == "face-detection")
+
+    assert row["threshold"] == "mean <= 100 ms"
+    assert (row["expected"], row["verdict"]) == ("-", "fixed by the manifest")
 
 
 def test_members_show_what_their_partition_gets() -> None:
@@ -453,7 +461,7 @@ def test_summary_names_unmeasured_components() -> None:
 
     assert [(row["component"], row["threshold"], row["reservation"], row["CR"]) for row in rows] == [
         ("face-detection", "mean <= 100 ms", "1.2 LP", "60 % of its 2 VPs"),
-        ("video-streaming", "", "0.2 LP", ""),
+        ("video-streaming", "none", "0.2 LP", ""),
         ("speech-recognition", "", "not known", ""),
     ]
     assert rows[-1]["verdict"] == "not measured"

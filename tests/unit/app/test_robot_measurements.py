@@ -49,7 +49,7 @@ def test_records_of_robot_are_added_to_logs_here(came: dict[str, bytes], here: P
 def test_one_bad_log_keeps_all_others_out(came: dict[str, bytes], here: Path) -> None:
     bad = {**came, OTHER: came[LOG]}
 
-    reason = "The robot's measurements/onboard/zoom/busy-loop.jsonl, line 1: it is of"
+    reason = "The robot's measurements/onboard/zoom/busy-loop.jsonl, line 1: it belongs to"
     assert reason in refusal(lambda: add_measurements(here, "onboard", bad))
     assert reserves_in(here) == [10]
 

@@ -111,7 +111,7 @@ def test_unmeasured_reserve_is_a_note(tmp_path: Path) -> None:
     after = validated(file)
 
     assert (codes(before.findings), before.fails(strict=True)) == (["RARMS101"], False)
-    assert "Give it `simulation: { work: 20 ms }`" in str(before.findings[0].advice), "its host is simulated"
+    assert "Its host is simulated, so add `simulation: { work: 20 ms }`" in str(before.findings[0].advice)
     assert codes(after.findings) == ["RARMS107"]
 
 
@@ -126,7 +126,7 @@ def test_unknown_load_is_an_unknown_name(tmp_path: Path, policy: str, own: str) 
     found = validated(file)
 
     errors = [finding for finding in found.findings if finding.severity is Severity.ERROR]
-    assert [(error.code, error.detail) for error in errors] == [("RARMS042", 'There is no interference "gone".')]
+    assert [(error.code, error.detail) for error in errors] == [("RARMS042", 'The interference "gone" does not exist.')]
 
 
 def test_meaning_is_judged_once_the_structure_is_right(tmp_path: Path) -> None:
@@ -220,6 +220,20 @@ def test_many_findings_are_counted(tmp_path: Path) -> None:
         assert len(unknown) == MOST_OF_A_KIND + 1
         assert [finding.detail for finding in unknown if finding.place is None] == ["234 more of this kind follow."]
         assert first_of_each_kind(findings) == findings
+
+
+def test_variables_of_processes_are_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = "{ command: [a], environment: { TOKEN: { from_env: RARMS_TEST_TOKEN }, CAMERA_PASSWORD: qz7!xyz } }"
+    samples = "{ from: per_run, process: one }"
+    run = f", run: {{ processes: {{ one: {one}, two: {{ command: [b] }} }}, samples: {samples} }}"
+    file = manifest(tmp_path, component("a", "50 %", more=run), component("b", "45 %"))
+    monkeypatch.setenv("RARMS_TEST_TOKEN", "qz7!x")
+
+    found = {finding.code: finding for finding in validated(file).findings}
+
+    assert found.keys() == {"RARMS091", "RARMS345"}
+    assert found["RARMS091"].values["variable"] == "CAMERA_PASSWORD"
+    assert all(finding.place is not None and finding.place.line > 1 for finding in found.values())
 
 
 def test_acceptance_sees_all_findings() -> None:

@@ -1,19 +1,22 @@
 """Applying a plan to simulated hosts: used once, only on what it saw, host by host, and finished by the next run."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReporter
-from rarms_iac.applying.run_steps import RunControl
+from rarms_iac.applying.run_steps import RunControl, hold
 from rarms_iac.applying.undo import abandon, steps_undone
 from rarms_iac.model.host import Fault, FaultEffect, SimulatedHost
 from rarms_iac.model.journal import StepStatus
-from rarms_iac.model.operations import set_to
+from rarms_iac.model.operations import Operation, Set, set_to
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
+from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from tests.builders import ORIGIN, a_component, a_host, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 
@@ -49,6 +52,7 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     (refusal,) = lab.apply(old).findings
     assert refusal.code == "RARMS182"
     assert refusal.summary == "The host has changed since the plan was made"
+    assert "another apply or undo has run there" in refusal.detail
 
 
 def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
@@ -60,6 +64,31 @@ def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
     assert report.ending is RunEnding.DONE
     assert report.hosts[0].resumed
     assert lab.steps_left() == 0
+
+
+def test_unfinished_run_refuses_another_plan(lab: Lab) -> None:
+    lab.apply(lab.plan(), Countdown(5))
+    before = lab.observe()
+
+    report = lab.apply(with_reserve(lab, "20 %").plan())
+
+    assert (report.ending, codes(report.findings)) == (RunEnding.REFUSED, ["RARMS183"])
+    assert lab.observe() == before
+
+
+def test_run_of_another_version_is_not_finished(lab: Lab) -> None:
+    lab.apply(lab.plan(), Countdown(5))
+    journal = lab.hosts["onboard"].journal()
+    assert journal is not None
+    lab.hosts["onboard"].start_run(replace(journal.started, rarms="0.0.1"))
+    before = lab.observe()
+
+    finished, (undone,) = lab.finish(), lab.undo()
+
+    assert finished is not None
+    assert [finished.ending, undone.ending] == [RunEnding.REFUSED] * 2
+    assert "0.0.1" in finished.findings[0].detail
+    assert lab.observe() == before
 
 
 def test_abandoned_run_leaves_the_host(lab: Lab) -> None:
@@ -83,7 +112,7 @@ def test_setting_changed_after_last_step_fails_run(lab: Lab) -> None:
     report = apply_plan(lab.plan(), lab.hosts, ORIGIN, RunControl(reporter=Meddling()))
 
     assert report.ending is RunEnding.FAILED
-    assert "Something else changes it too." in str(report.findings[0].advice)
+    assert "Another tool also changes it." in str(report.findings[0].advice)
 
 
 def test_setting_changed_in_middle_of_run_stops_it(lab: Lab) -> None:
@@ -99,6 +128,54 @@ def test_setting_changed_in_middle_of_run_stops_it(lab: Lab) -> None:
     assert "reserve is 25, not 40" in report.findings[0].detail
     expected = {"host": "onboard", "expected_reserve": 40, "is_reserve": 25}
     assert expected.items() <= report.findings[0].values.items()
+
+
+def test_step_found_done_is_not_undone(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    plan = with_reserve(lab, "20 %").plan()
+    first = plan.hosts[0].steps[0].operation
+
+    class Ahead(RunReporter):
+        def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
+            if number == 1:
+                lab.hosts[host].execute(first, OURS)
+
+    report = apply_plan(plan, lab.hosts, ORIGIN, RunControl(reporter=Ahead()))
+
+    assert (report.ending, report.hosts[0].unchanged) == (RunEnding.DONE, 1)
+    lab.undo()
+    reserves = {each.settings.name: each.settings.reserve for each in lab.observe()["onboard"].partitions}
+    assert reserves["vision"] == 20
+
+
+def test_undo_without_rights_begins_nothing(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    journal = lab.hosts["onboard"].journal()
+    host = a_host("onboard", settings=SimulatedHost(administrator=False))
+    powerless = lab.wanting(a_system(hosts=[host], components=[VISION, SPEECH]))
+
+    (report,) = powerless.undo()
+
+    assert (report.ending, codes(report.findings)) == (RunEnding.FAILED, ["RARMS158"])
+    assert lab.hosts["onboard"].journal() == journal
+
+
+def test_set_without_effect_fails_its_step(lab: Lab) -> None:
+    class Idle(SimulatedHostProvider):
+        def execute(self, operation: Operation, scope: Scope) -> None:
+            if not isinstance(operation, Set):
+                super().execute(operation, scope)
+
+    plan = lab.plan()
+    hosts = {name: Idle(host, lab.folder / f"{name}.json") for name, host in lab.system.hosts.items()}
+
+    report = apply_plan(plan, hosts, ORIGIN)
+
+    assert (report.ending, codes(report.findings)) == (RunEnding.FAILED, ["RARMS186"])
+    journal = hosts["onboard"].journal()
+    assert journal is not None
+    assert journal.steps[-1].status is StepStatus.BEGUN
+    assert isinstance(plan.hosts[0].steps[journal.steps[-1].number].operation, Set)
 
 
 def test_step_failing_after_work_counts_as_done() -> None:
@@ -173,13 +250,38 @@ def test_all_hosts_are_looked_at_before_first_step() -> None:
         assert lab.observe() == before
 
 
+def test_hosts_are_held_in_order_of_names(tmp_path: Path) -> None:
+    order: list[str] = []
+
+    class Noted(SimulatedHostProvider):
+        @contextmanager
+        def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+            order.append(self.name)
+            with super().lock(owner, timeout_ms):
+                yield
+
+    hosts = tuple(Noted(a_host(name), tmp_path / f"{name}.json") for name in ("base", "camera", "arm"))
+    with hold(hosts, "ann@lab", 0):
+        assert order == ["arm", "base", "camera"]
+
+
+def test_next_holder_removes_what_killed_writers_left(lab: Lab) -> None:
+    for name in (".onboard.json.7-1.new", ".onboard.journal.jsonl.7-1.new"):
+        (lab.folder / name).write_bytes(b"half")
+
+    with lab.hosts["onboard"].lock("ann@lab"):
+        pass
+
+    assert [file.name for file in lab.folder.iterdir()] == ["onboard.lock"]
+
+
 def told(lab: Lab) -> list[str]:
     journal = lab.hosts["onboard"].journal()
     assert journal is not None
     return [f"{step.address}: {step.title}" for step in steps_undone(journal)]
 
 
-def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
+def test_undo_titles_say_what_changes_back(lab: Lab) -> None:
     lab.apply(lab.plan())
 
     assert told(lab) == [
@@ -251,7 +353,7 @@ def test_released_partition_can_be_imported_again(lab: Lab) -> None:
         ({"targets": ("partition/visoin",)}, "RARMS194"),
     ],
 )
-def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: str) -> None:
+def test_unknown_machine_partition_or_target_is_refused(lab: Lab, asked: dict[str, object], code: str) -> None:
     lab.apply(lab.plan())
 
     prepared = lab.prepare(**asked)
@@ -263,8 +365,8 @@ def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: 
 def test_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
     (finding,) = lab.prepare(purpose=Purpose.RELEASE, partitions=("vision",)).findings
 
-    assert str(finding.detail).endswith("; no partition does.")
-    assert str(finding.advice) == "There is nothing to release."
+    assert str(finding.detail).endswith(" No partition has this mark.")
+    assert str(finding.advice) == "There is no partition to release."
 
 
 def test_a_target_that_is_as_wanted_changes_nothing(lab: Lab) -> None:
@@ -280,7 +382,7 @@ def test_misspelt_target_gets_the_meant_address(lab: Lab, target: str) -> None:
     (finding,) = lab.prepare(targets=(target,)).findings
 
     assert 'Did you mean "partition/vision"?' in finding.detail
-    assert "`rarms plan --verbose` lists those that change" in str(finding.advice)
+    assert "`rarms plan --verbose` lists the changes" in str(finding.advice)
 
 
 def test_import_from_empty_host_recommends_plan(lab: Lab) -> None:

@@ -107,7 +107,7 @@ def test_new_protection_changes_the_mark() -> None:
         (change,) = protecting.plan().hosts[0].changes
         protecting.apply(protecting.plan())
 
-        assert change.reason.message == "its mark says that the manifest protects it"
+        assert change.reason.message == "its mark is protected, as in the manifest"
         assert protecting.steps_left() == 0
 
 
@@ -126,7 +126,7 @@ def on_hyperv() -> State:
     return replace(host.state, partitions=(*others, saved), disks=(disk,))
 
 
-def test_hyperv_leaves_it_stopped_and_listed() -> None:
+def test_hyperv_stops_and_lists_unnamed_partition() -> None:
     state = on_hyperv()
     found = route(vision_alone(host=HYPERV), state)
     (change,) = found.difference.changes
@@ -150,7 +150,7 @@ def test_hyperv_leaves_it_stopped_and_listed() -> None:
     assert part.totals.reserved_lp == totals_alone()
 
 
-def test_on_hyperv_policy_and_limit_remove_it_together() -> None:
+def test_policy_and_limit_together_remove_unnamed_partition() -> None:
     remove = vision_alone(Policy(unused=Unused.REMOVE), HYPERV)
 
     (kept,) = route(remove, on_hyperv(), Disruption.HOST_RESTART).difference.changes
@@ -378,4 +378,4 @@ def test_manual_partition_is_promised_as_planned() -> None:
     assert not eyes.settings.running
     assert first.hosts[0].totals == Totals(percent=80, memory=memory, idle_percent=80, idle_memory=memory)
     assert again.hosts[0].totals == first.hosts[0].totals
-    assert "of these, 0.8 LP and 512 MiB by partitions that do not run" in render(plan_text(first), UNLIMITED)
+    assert "Of these, 0.8 LP and 512 MiB" in render(plan_text(first), UNLIMITED)

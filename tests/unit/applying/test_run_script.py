@@ -159,10 +159,10 @@ def test_steps_are_told_as_a_walk_tells_them() -> None:
         (event(EventKind.REFUSED, EventStatus.REFUSED), ScriptExited(code=3), RunEnding.REFUSED, "RARMS182"),
         (event(EventKind.FAILED, EventStatus.FAILED), ScriptExited(code=1), RunEnding.FAILED, "RARMS186"),
         (DONE, ScriptLost(why="the connection broke"), RunEnding.FAILED, "RARMS250"),
-        (step(EventStatus.BEGUN), ScriptLost(why="it said nothing for 600 s"), RunEnding.FAILED, "RARMS250"),
+        (step(EventStatus.BEGUN), ScriptLost(why="no output for 600 s"), RunEnding.FAILED, "RARMS250"),
         (step(EventStatus.CHANGED), ScriptExited(code=0), RunEnding.FAILED, "RARMS250"),
-        (step(EventStatus.CHANGED), ScriptExited(code=3), RunEnding.FAILED, "RARMS186"),
-        (step(EventStatus.BEGUN), ScriptExited(code=137), RunEnding.FAILED, "RARMS186"),
+        (step(EventStatus.CHANGED), ScriptExited(code=3), RunEnding.FAILED, "RARMS250"),
+        (step(EventStatus.BEGUN), ScriptExited(code=137), RunEnding.FAILED, "RARMS250"),
     ],
 )
 def test_every_end_has_its_word(last: RunEvent, ends: ScriptExited | ScriptLost, ending: RunEnding, code: str) -> None:

@@ -37,7 +37,7 @@ def test_only_a_yes_goes_on() -> None:
     session = answered("yes\n")
 
     assert isinstance(session.terminal.err, io.StringIO)
-    assert session.terminal.err.getvalue() == "\nDo this? Only `yes` does it: "
+    assert session.terminal.err.getvalue() == "\nDo this? Type `yes` to confirm: "
 
 
 class Interrupting(io.RawIOBase):

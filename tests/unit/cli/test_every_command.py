@@ -90,7 +90,7 @@ BATCH: dict[tuple[str, ...], tuple[int, str]] = {
     ("release", "vision"): (64, APPROVED),
     ("measure",): (3, "--stop-partitions"),
     ("measure", "--interactive"): (64, "rarms select COMPONENT --at LEVEL"),
-    ("tune", "--interactive"): (64, "Leave --interactive out"),
+    ("tune", "--interactive"): (64, "Omit --interactive"),
     ("prove",): (64, "--load-host"),
 }
 """How a command ends that asks and has no terminal, and what it names for a yes."""
@@ -98,6 +98,7 @@ BATCH: dict[tuple[str, ...], tuple[int, str]] = {
 ASKED_BY: dict[str, set[tuple[str, ...]]] = {
     "ask": {("apply",), ("undo",), ("destroy",), ("stop", "vision"), ("release", "vision")},
     "stop_question": {("measure",)},
+    "attach_question": set(),  # on Linux alone: tests/system/test_attached.py
     "level_question": {("measure", "--interactive")},
     "WRITE_LEVEL": {("measure", "--interactive")},
     "refine_question": {("measure", "--interactive")},
@@ -189,7 +190,7 @@ def test_a_plan_of_a_renamed_application_is_refused(tmp_path: Path) -> None:
         with_overlay = rarms("apply", "change.plan", "--overlay", "as-planned.yaml")
 
     assert (refused.code, with_overlay.code) == (ExitCode.REFUSED, ExitCode.DONE)
-    assert 'of the application "robot"; rarms.yaml is that of "rover"' in " ".join(refused.err.split())
+    assert 'for the application "robot", but rarms.yaml describes "rover"' in " ".join(refused.err.split())
 
 
 def test_unknown_name_is_refused_before_missing_terminal(tmp_path: Path) -> None:
@@ -201,7 +202,7 @@ def test_unknown_name_is_refused_before_missing_terminal(tmp_path: Path) -> None
     assert all("nosuch" in answer.err and "terminal" not in answer.err for answer in answers)
 
 
-@pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "measured unasked")])
+@pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "without a question")])
 def test_without_terminal_interactive_says_what_to_do_instead(tmp_path: Path, command: str, advice: str) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     with chdir(tmp_path):

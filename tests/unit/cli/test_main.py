@@ -119,9 +119,9 @@ def test_help_has_a_short_form(words: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("drfit", 'There is no command "drfit". Did you mean "drift"?'),
+        ("drfit", 'Unknown command "drfit". Did you mean "drift"?'),
         ("drift --jsn", "--json"),
-        ("drift --jsn", "`rarms drift --help` lists what it takes."),
+        ("drift --jsn", "`rarms drift --help` lists its options."),
         ("--jsn plan", "No such option '--jsn'"),
         ("--json plan", "The option --json belongs to rarms plan: write it after the command."),
         ("-f rarms.yaml plan", "The option -f belongs to rarms plan: write it after the command."),
@@ -211,7 +211,7 @@ def test_debug_shows_the_trace() -> None:
     assert said.startswith("Traceback (most recent call last):\n")
 
 
-AGAIN = "If it was changing a host, run the same command again to finish that"
+AGAIN = "If it was changing a host, run the same command again to finish the change"
 
 
 @pytest.mark.parametrize(

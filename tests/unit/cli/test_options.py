@@ -85,13 +85,13 @@ def test_how_far_and_how_long() -> None:
     ("request_type", "words", "message"),
     [
         (HostSelection, ["--host", "Not A Name"], "cannot be the name of a host"),
-        (SnapshotSelection, ["--snapshot", "a="], "names no file"),
+        (SnapshotSelection, ["--snapshot", "a="], "does not have a file"),
         (SnapshotSelection, ["--snapshot", "a=x", "--snapshot", "a=y"], "more than one"),
         (DatedManifestSource, ["--today", "31.1.2026"], "not a day"),
-        (RunOptions, ["--lock-timeout", "60"], "units: us, ms, s, min, h"),
+        (RunOptions, ["--lock-timeout", "60"], "Units: us, ms, s, min, h"),
         (PlanLimits, ["--max-disruption", "none"], "partition_stop"),
         (MeasureRequest, ["--samples", "1"], "1 is too small: it must be at least 2."),
-        (TuneRequest, ["--repeat"], "belongs to --strategy paper"),
+        (TuneRequest, ["--repeat"], "needs --strategy paper"),
         (RunRequest, ["--for", "0s"], "at least 1 ms"),
         (RunRequest, ["--for", "1s", "--samples", "2"], "not both"),
     ],
@@ -115,7 +115,7 @@ def test_an_answer_goes_to_places_of_its_own(options: OutputOptions, message: st
 def test_partitions_stop_only_on_request() -> None:
     assert not StopOptions().stops(on_busy_host=False)
     assert StopOptions(stop_partitions=True).stops(on_busy_host=False)
-    with pytest.raises(RequestError, match="Give one of"):
+    with pytest.raises(RequestError, match="Give only one of"):
         StopOptions(stop_partitions=True).stops(on_busy_host=True)
 
 

@@ -28,7 +28,7 @@ COMPONENT = """\
     cpu: {{ reserve: {reserve} % }}
     processors: 1
 """
-OPTIMAL = "The choice of hosts is optimal"
+OPTIMAL = "The placement is optimal"
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
         "cell.ps1",
         "cell.undo.ps1",
     ]
-    assert not any(step.address.task for step in part.steps), "what lies in a guest is no step of the host"
+    assert not any(step.address.task for step in part.steps), "what lies in a guest is not a step of the host"
     assert "RARMS160" in ran.out
 
 
@@ -204,7 +204,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
     ("file", "message"),
     [
         ("server-2022-with-strangers", "was taken on CELL-4, the host itself"),
-        ("inside-a-guest", "no partition operator-panel of welding-cell"),
+        ("inside-a-guest", "does not have the partition operator-panel of welding-cell"),
     ],
 )
 def test_file_of_no_guest_is_refused(cell: Path, file: str, message: str) -> None:
@@ -225,7 +225,7 @@ def test_rarms_own_snapshot_says_nothing_of_a_guest(cell: Path) -> None:
         cell, "--snapshot", f"cell={cell / 'host.json'}", "--snapshot", f"cell.guest.torch-motion={cell / 'guest.json'}"
     )
 
-    assert (ran.code, "not what observe.ps1 prints" in " ".join(ran.err.split())) == (1, True)
+    assert (ran.code, "not the output of observe.ps1" in " ".join(ran.err.split())) == (1, True)
 
 
 def test_observing_script_needs_no_manifest(tmp_path: Path) -> None:

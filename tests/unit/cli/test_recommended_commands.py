@@ -174,7 +174,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     "nothing is there": (given(), Ask("plan", "`-f PATH` names a manifest or its folder", "init")),
     "the manifest is empty": (
         given("\n  \n"),
-        Ask("validate", "Write a manifest, or let `rarms init` write one", "init"),
+        Ask("validate", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
     ),
     "the manifest has only comments": (
         given("# nothing\n"),
@@ -193,21 +193,22 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MEASURED),
         Ask("plan", "Or fix its reserve", "measure vision"),
         Ask("report", "Measure first: ", "measure"),
-        Ask("validate", "`rarms measure` finds what it needs", "measure"),
-        Ask("status", "that are not measured yet", "measure"),
+        Ask("validate", "`rarms measure` finds the reservation", "measure"),
+        Ask("status", "measures the missing reservations", "measure"),
     ),
     "nothing is applied": (
         given(MANIFEST),
-        Ask("prove --load-host", "See what is missing with", ("plan", "apply")),
-        Ask("apply", "or write the plan down, have it reviewed, and apply that", ("plan --out FILE", "apply FILE")),
-        Ask("apply", "Run it again to be asked again", "plan", at_a_terminal=True),
-        Ask("apply a.plan", "Look at the path and its rights", "plan --out FILE"),
-        Ask("apply rarms.yaml", "Give a file that `rarms plan --out FILE` wrote", "plan --out FILE"),
-        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists those that change)", "plan --verbose"),
-        Ask("plan --nothing", "--help` lists what it takes", "plan --help"),
-        Ask("measure another", "--help` lists what it takes", "measure --help"),
-        Ask("measure speech", "Give it one, or measure chosen settings", "measure speech --from 10% --to 100%"),
-        Ask("status", "shows what is not applied yet", "plan"),
+        Ask("prove --load-host", "Show the changes with", ("plan", "apply")),
+        Ask("apply", "or write a plan file and apply it", ("plan --out FILE", "apply FILE")),
+        Ask("apply", "Run the same command again and answer `yes`", "plan", at_a_terminal=True),
+        Ask("undo", "lists the runs on each host", "history"),
+        Ask("apply a.plan", "Check the path and its permissions", "plan --out FILE"),
+        Ask("apply rarms.yaml", "Give a file written by `rarms plan --out FILE`", "plan --out FILE"),
+        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists the changes)", "plan --verbose"),
+        Ask("plan --nothing", "--help` lists its options", "plan --help"),
+        Ask("measure another", "--help` lists its options", "measure --help"),
+        Ask("measure speech", "Add one, or measure chosen settings", "measure speech --from 10% --to 100%"),
+        Ask("status", "shows the changes that are not applied yet", "plan"),
     ),
     "it is applied": (
         given(MANIFEST, "apply"),
@@ -229,13 +230,13 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a partition is started by hand": (
         given(ALONE.replace("components:", "partitions: { vision: { start: manual } }\ncomponents:", 1), "apply"),
-        Ask("prove --load-host", "These partitions do not run: vision.", "start vision"),
+        Ask("prove --load-host", "These partitions are not running: vision.", "start vision"),
     ),
     "an APT is missed in the layout": (
         given(ALONE.replace("45 %", "10 %"), "apply"),
         Ask(
             "prove --load-host",
-            ("Its slowdown asks for", "Or measure what it needs"),
+            ("At this slowdown it needs", "Or measure what it needs"),
             "measure vision --again --stop-partitions",
         ),
     ),
@@ -263,7 +264,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         ),
         Ask(
             "apply",
-            "Nothing more was changed. Look with `rarms drift`.",
+            "Nothing more was changed. Show the state with `rarms drift`.",
             ("drift", "undo", "apply --abandon"),
             may_answer=REFUSED,
         ),
@@ -272,7 +273,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MANIFEST, "apply", MEASURE_KILLED, "simulate change speech --reserve 90"),
         Ask(
             MEASURE,
-            "Correct what prevents it, then start them",
+            "Correct the cause, then start them",
             "start speech vision",
             first=("simulate change speech --reserve 20",),
         ),
@@ -282,7 +283,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("apply a.plan", "Make a new plan: `rarms plan --out FILE`", "plan --out FILE"),
     ),
     "a plan was edited": (
-        given(MANIFEST, "plan --out a.plan", edit("vision", "Vision", "a.plan")),
+        given(MANIFEST, "plan --out a.plan", edit(" vision:", " Vision:", "a.plan")),
         Ask("apply a.plan", "Make the plan again: `rarms plan --out FILE`", "plan --out FILE"),
     ),
     "a plan is of another format": (
@@ -291,11 +292,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a plan file is of another kind": (
         given(MANIFEST, write("{}", "a.plan")),
-        Ask("apply a.plan", "Give a file that `rarms plan --out FILE` wrote", "plan --out FILE"),
+        Ask("apply a.plan", "Give a file written by `rarms plan --out FILE`", "plan --out FILE"),
     ),
     "the manifest changed since the plan was made": (
         given(MANIFEST, "plan --out a.plan", edit("45 %", "40 %")),
-        Ask("apply a.plan", "To see what the manifest asks for now, run", "plan"),
+        Ask("apply a.plan", "To see the changes for the manifest as it is now, run", "plan"),
     ),
     "a plan is applied elsewhere": (
         given(MANIFEST, "plan --out a.plan", move),
@@ -303,19 +304,19 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "the host moved since the plan was made": (
         given(MANIFEST, "apply", edit("45 %", "40 %"), "plan --out a.plan", "simulate change vision --reserve 30"),
-        Ask("apply a.plan", "Nothing was changed. Look with `rarms drift`", "drift"),
+        Ask("apply a.plan", "Nothing was changed. Show the changes with `rarms drift`", "drift"),
     ),
     "an apply cannot be undone wholly": (
         given(MANIFEST, "apply", "destroy"),
-        Ask("undo --auto-approve", "cannot bring that back. Afterwards `rarms plan` says what differs", "plan"),
+        Ask("undo --auto-approve", "cannot restore that. Afterwards `rarms plan` shows the differences", "plan"),
     ),
     "the last applies of two hosts are of different plans": (
         given(TWO_HOSTS, "apply", edit("45 %", "50 %"), "apply --host fore"),
-        Ask("undo --auto-approve", "Take one of them back: ", ("undo --host aft", "undo --host fore")),
+        Ask("undo --auto-approve", "Undo one of them: ", ("undo --host aft", "undo --host fore")),
     ),
     "a protected partition is no longer named": (
         given(MANIFEST + "partitions:\n  speech: { protect: true }\n", "apply", write(ALONE)),
-        Ask("plan", "or let it go on without rarms: ", "release speech"),
+        Ask("plan", "To keep it without rarms: ", "release speech"),
     ),
     "no component is wanted any more": (
         given(MANIFEST, "apply", write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
@@ -323,11 +324,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a machine that is not managed has a wanted name": (
         given(MANIFEST, "apply", "release vision"),
-        Ask("plan", " to take it over, or give the partition another name", "import vision --id"),
+        Ask("plan", " to import it, or give the partition another name", "import vision --id"),
     ),
     "a host without machines has none to import": (
         given(MANIFEST),
-        Ask("import vision --id none --auto-approve", "There is nothing to import. ", "plan"),
+        Ask("import vision --id none --auto-approve", "There is no machine to import. ", "plan"),
     ),
     "a machine that is not managed gets less": (
         given(
@@ -336,7 +337,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             "release vision",
             write(MANIFEST.replace("vision:", "sight:").replace("20 %", "30 %").replace("45 %", "20 %")),
         ),
-        Ask("plan --verbose", "or take it in: ", "import PARTITION --id ID", first=(edit("sight", "vision"),)),
+        Ask("plan --verbose", "or import it: ", "import PARTITION --id ID", first=(edit("sight", "vision"),)),
     ),
     "both names of a move are on the host": (
         given(
@@ -348,14 +349,14 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         ),
         Ask("plan", "Remove one of them (", "destroy --target partition/speech"),
     ),
-    "the host is not as the manifest wants it": (
+    "the host is not as in the manifest": (
         given(MANIFEST, "apply", edit("45 %", "40 %")),
-        Ask("drift", "as the manifest wants", "plan", in_view=True),
+        Ask("drift", "shows the changes", "plan", in_view=True),
     ),
     "another tool changed a partition": (
         given(MANIFEST, "apply", "simulate change vision --reserve 30"),
         Ask("plan --verbose", "Find out who did it", ("drift", "history")),
-        Ask("status", "shows the changes on a host", "drift"),
+        Ask("status", "shows the changes", "drift"),
     ),
     "another tool changed a partition, and the manifest has errors": (
         given(MANIFEST, "apply", edit("45 %", "90 %"), "simulate change vision --reserve 30"),
@@ -363,12 +364,12 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "no measured setting is enough": (
         given(MEASURED, "measure vision --from 10% --to 20%"),
-        Ask("plan", "says which level holds), or measure higher settings", "measure vision"),
+        Ask("plan", "shows the levels that can be met), or measure higher settings", "measure vision"),
         Ask("select vision --at '60 ms'", "measure higher settings", "measure vision --from 21% --to 100%"),
     ),
     "no setting can be enough": (
         given(MEASURED.replace("50 ms", "5 ms")),
-        Ask("measure vision", "says which level holds)", "select vision --at LEVEL"),
+        Ask("measure vision", "shows the levels that can be met)", "select vision --at LEVEL"),
     ),
     "reservations exceed the host": (
         given(MEASURED.replace("20 %", "30 %"), logs(vision=85)),
@@ -376,12 +377,12 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "fixed reserves exceed the host": (
         given(MANIFEST.replace("45 %", "90 %")),
-        Ask("validate", "`rarms plan` tries which change would be enough", "plan", may_answer=NO),
-        Ask("graph", "Search for the causes, and for changes that help: ", "plan", may_answer=NO),
+        Ask("validate", "`rarms plan` finds a change that is enough", "plan", may_answer=NO),
+        Ask("graph", "Search for the causes and for changes that help: ", "plan", may_answer=NO),
     ),
     "a pair would fit": (
         given(PAIR, logs(vision=60, speech=60)),
-        Ask("plan", ("RARMS014", "may be enough. How much each partition needs there, "), ("tune", "measure")),
+        Ask("plan", ("RARMS014", "may be enough. Measure the partitions there: "), ("tune", "measure")),
     ),
     "the paper's procedure combined, and it is still too much": (
         given(THREE, logs(speech=60, video=60)),
@@ -402,12 +403,15 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a component does not use its processors": (
         given(WIDE.replace("samples: 60", "samples: 40")),
-        Ask("measure vision", "Leave `processors` out", "measure vision"),
+        Ask("measure vision", "Remove `processors`", "measure vision"),
     ),
     "fewer virtual processors may be enough": (
         given(WIDE.replace("50 ms", "26 ms").replace("20 %", "30 %"), "measure vision"),
         Ask(
-            "plan", ", and `rarms measure` tells: ", "measure", first=(edit("    processors: 2", "    processors: 1"),)
+            "plan",
+            "may be enough. Check with `rarms measure`: ",
+            "measure",
+            first=(edit("    processors: 2", "    processors: 1"),),
         ),
     ),
     "a component cannot run on its host": (
@@ -420,11 +424,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "late jobs may be later with other partitions": (
         given(LATE, "measure vision --from 60% --to 60%"),
-        Ask("plan", "whether it holds", "prove", first=("apply",)),
+        Ask("plan", "and prove it in the applied layout", "prove", first=("apply",)),
     ),
     "a threshold depends on its neighbours": (
         given(LATE.replace("busy-loop", "bursts-20"), "measure vision"),
-        Ask("plan", "Prove it in the layout that is applied", "prove", first=("apply",)),
+        Ask("plan", "Prove it in the applied layout", "prove", first=("apply",)),
     ),
     "all loads are weak": (
         given(MEASURED.replace("busy-loop", "bursts-20-half")),
@@ -443,20 +447,20 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(ALONE.replace("45 %", "measured"), "measure", weak_log),
         Ask(
             "plan",
-            "`busy-loop` has a thread for each of the 2 LP and was kept from running on them",
+            "`busy-loop` has a thread for each of the 2 LP, but",
             "measure --interference busy-loop --again",
         ),
     ),
     "it is measured": (
         given(MEASURED, logs(vision=45)),
-        Ask("report", "`rarms plan` shows what is to be done, `rarms apply` does it", ("plan", "apply"), in_view=True),
-        Ask("measure --interactive", "Leave --interactive out, and choose with", "select COMPONENT --at LEVEL"),
+        Ask("report", "`rarms plan` shows the changes, `rarms apply` does it", ("plan", "apply"), in_view=True),
+        Ask("measure --interactive", "Omit --interactive, and choose with", "select COMPONENT --at LEVEL"),
     ),
     "one of two components is measured": (
         given(PAIR, "measure vision --from 40% --to 80% --step 40%"),
         Ask(
             "report",
-            ("Measure what is missing: ", "Nothing can be applied as it is"),
+            ("Measure what is missing: ", "The manifest cannot be applied"),
             ("measure", "plan"),
             may_answer=NO,
             in_view=True,
@@ -464,7 +468,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "what was measured is not what the manifest says now": (
         given(MEASURED, logs(vision=45), edit("work: 20 ms", "work: 21 ms")),
-        Ask("plan", "Or take the change back.", "measure vision"),
+        Ask("plan", "Or undo the change.", "measure vision"),
     ),
     "it was measured with what runs on the host": (
         given(
@@ -473,11 +477,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
             write(MEASURED),
             "measure vision --on-busy-host --from 40% --to 60% --step 20%",
         ),
-        Ask("plan", "Measure it once more with the host to itself", "measure vision --again", first=("stop",)),
+        Ask("plan", "Measure again while nothing else runs on the host", "measure vision --again", first=("stop",)),
     ),
     "it was measured on another machine": (
         given(MEASURED, logs(vision=45), edit("logical_processors: 2", "logical_processors: 4")),
-        Ask("plan", "Is this another machine? ", "measure vision --again"),
+        Ask("plan", "If this is another machine, ", "measure vision --again"),
     ),
     "a data log is damaged": (
         given(MEASURED, logs(vision=45), write('{"a": 1}\n{"b": 1}\n', LOG)),
@@ -486,7 +490,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     "one of several loads is measured": (
         given(MEASURED, logs(vision=45), edit("busy-loop,", "[busy-loop, bursts-20],")),
         Ask("plan", "Measure the other loads: ", "measure vision"),
-        Ask("status", "that are not measured yet", "measure"),
+        Ask("status", "measures the missing reservations", "measure"),
         Ask(
             "measure --interference busy-loop --from 50% --to 50%",
             "Next: ",
@@ -508,63 +512,68 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a script cannot be read": (
         given(MANIFEST, write("exit", "a.ps1")),
-        Ask("show --check a.ps1", "or write it again", "show --script --out FOLDER"),
+        Ask("show --check a.ps1", "or write the script again", "show --script --out FOLDER"),
     ),
 }
 
 
 OTHER_TESTS = {
-    "Something else changes it too": "tests/unit/applying/test_applying.py",
+    "Measure the rest: `rarms measure`.": "tests/unit/measuring/test_passes.py",
+    "Or record that you accept them: ": "tests/unit/measuring/test_passes.py",
+    "Set the governor ": "tests/unit/app/test_data_logs.py",
+    "Measurements on a simulated host never hold for a real one. ": "tests/unit/app/test_data_logs.py",
+    "or more, 1.2 times the peak": "tests/unit/app/test_data_logs.py",
+    "Measure whether a reservation helps: ": "tests/unit/measuring/test_run_component.py",
+    "Another tool also changes it": "tests/unit/applying/test_applying.py",
     "`rarms undo` to finish it": "tests/system/test_killed_and_run_again.py",
     "run `rarms undo --keep` instead": "tests/unit/cli/test_undo.py",
     "After the undo, `rarms apply` sets": "tests/unit/cli/test_undo.py",
-    "then `rarms apply` to set the manifest's values again": "tests/unit/cli/test_undo.py",
+    "then `rarms apply` to restore the values of the manifest": "tests/unit/cli/test_undo.py",
     "`rarms init` writes one.": "tests/unit/cli/test_status.py",
-    "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
-    "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
+    "or finish it in an environment without the key": "tests/unit/app/test_plan_key.py",
+    "Make the plan again in an environment that has the key: ": "tests/unit/app/test_plan_key.py",
     "Undo it with that application's manifest: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_machine_of_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_machine_of_another_partition_is_released_as_recommended",
-    "samples of each component may tell, in about": "tests/unit/measuring/test_prove.py",
-    "Free some, or prove what it is without a load": "tests/unit/measuring/test_prove.py",
-    "or prove what holds without a load": "tests/unit/measuring/test_prove.py",
+    "samples of each component, in about": "tests/unit/measuring/test_prove.py",
+    "or prove without a load": "tests/unit/measuring/test_prove.py",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
-    "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
-    "or adopt the right machine with": "tests/system/test_remote_host.py",
+    "Check the kernel: `rarms doctor`": "tests/system/test_linux_advice.py",
+    "or import the correct machine with": "tests/system/test_remote_host.py",
     "Have `rarms show --transport --out FOLDER`": "tests/system/test_remote_host.py",  # another module there
-    "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
-    "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
-    "Run the script there by hand and look": "tests/unit/cli/test_plan.py",
-    "Say how the host is reached": "tests/unit/cli/test_plan.py",
+    "No step was done. Show the state with": "tests/system/test_remote_host.py",  # a script's guard refused
+    "it reads the journal of the host": "tests/system/test_remote_host.py",  # the connection broke
+    "Run the script there by hand and check": "tests/unit/cli/test_plan.py",
+    "Write the connection to the host": "tests/unit/cli/test_plan.py",
     "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/fake_powershell/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
-    "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
+    "`rarms apply` starts them": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
-    "`rarms plan` shows what is too much": "tests/unit/measuring/test_stopping.py",
+    "`rarms plan` shows the cause": "tests/unit/measuring/test_stopping.py",
     "`rarms start` corrects the mark": "tests/unit/measuring/test_stopping.py",
-    "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
+    "`rarms tune` continues combining": "tests/system/test_interactive_session.py",
     "then run `rarms install --host": "tests/unit/app/test_install.py",
     "then run {again}.": "tests/unit/app/test_install.py",
-    "Nothing that is in use was changed. Run {again} again.": "tests/unit/app/test_install.py",
+    "The version in use was not changed. Run {again} again.": "tests/unit/app/test_install.py",
     "End it: ": "tests/unit/app/test_install.py",
     "Remove them first: ": "tests/unit/app/test_install.py",
     "{boot}": "tests/unit/app/test_install.py",
     "Next: `rarms doctor`": "tests/system/test_robot.py",
     "Install this version there: ": "tests/system/test_install.py",
-    "Name one of them: ": "tests/system/test_robot_measures.py",
+    "Choose one of them: ": "tests/system/test_robot_measures.py",
     "If the host is reached over ssh, run ": "tests/unit/cli/test_every_command.py",
     # On Linux, or at another moment, what a situation says:
-    "See what is missing with `rarms plan`, and bring it": "nothing is applied",
+    "Show the changes with `rarms plan`, and apply them": "nothing is applied",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
-    "Look at the host again: `rarms plan`": "another tool changed a partition",
+    "Check the host again: `rarms plan`": "another tool changed a partition",
     "Measure the parts again (": "it was measured with what runs on the host",
     "More samples may show it. ": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
-    "`rarms measure` may find that less is enough": "tests/unit/planner/infeasibility/test_ways_out.py",
-    "A setting ends at `run.until` at the latest": "nothing is measured",
+    "`rarms measure` may find a smaller reservation": "tests/unit/planner/infeasibility/test_ways_out.py",
+    "`run.until` ended the setting": "nothing is measured",
     "Run it alone and correct it: ": "a component cannot run on its host",
     "raise the reserves until `rarms prove` passes": "it is applied",
     "`rarms apply --abandon` to leave the host as it is.": "an apply was killed",
@@ -574,17 +583,19 @@ OTHER_TESTS = {
 
 NOT_RECOMMENDED = (
     "Measuring, proving and `rarms run` need it.",
-    "so `rarms apply` will refuse it: set RARMS_PLAN_KEY",
-    "`rarms apply` does the plan's steps itself",
-    "A proof (`rarms prove`), with all of its loads together.",
-    "All together, as `rarms prove` measured them last:",
-    "`rarms measure` stopped it and ended before it started it again",
+    "so `rarms apply` will refuse it. Set RARMS_PLAN_KEY",
+    "so `rarms apply` will refuse it: measure, or plan again",
+    "`rarms apply` runs the steps directly",
+    "The longest time for a proof (`rarms prove`) with all of its loads.",
+    "All components together, from the last `rarms prove`:",
+    "`rarms measure` stopped it and was interrupted",
     "`rarms measure` creates and removes a partition with the name",
-    "`rarms apply` starts scripts with a policy of their own and is not concerned",
-    "nothing brings it back, `rarms undo` neither",
-    "`rarms undo` and the undo script leave this as it is",
-    "y stops them as `rarms stop` does",
-    "as `rarms tune --interactive` does",
+    "`rarms apply` is not affected",
+    "`rarms undo` cannot restore it",
+    "`rarms undo` of the apply that made it still removes it",
+    "`rarms undo` and the undo script cannot restore it",
+    "y stops them like `rarms stop`",
+    "like `rarms tune --interactive`",
 )
 """Messages that name a command and recommend nothing: what it did or does, by words of each."""
 
@@ -624,7 +635,7 @@ def texts_of(path: Path) -> Iterator[str]:
 
 
 def text_of(node: ast.AST) -> str:
-    """A text as a reader of the code sees it, its commands written out; what is no text in braces."""
+    """A text as a reader of the code sees it, its commands written out; what is not text in braces."""
     match node:
         case ast.Constant(value=str(text)):
             return text
@@ -826,6 +837,6 @@ def test_machine_of_another_partition_is_released_as_recommended(tmp_path: Path)
         (machine,) = re.findall(r"vision ([0-9a-f-]{36})", unknown.err)
         taken = rarms("import", "speech", "--id", machine, "--auto-approve")
 
-    assert 'is partition "vision" of application' in taken.err
+    assert 'is already the partition "vision" of the application' in taken.err
     assert recommended(taken.err) == ("rarms release vision",)
     run_it("rarms release vision", tmp_path)

@@ -89,7 +89,7 @@ def test_partition_of_another_robot_is_refused(command: str) -> None:
 
     assert answer.code not in {0, 2}
     assert "RARMS340" in answer.err + answer.out
-    assert 'bears the mark of the robot "robot-7"' in " ".join((answer.err + answer.out).split())
+    assert 'has the mark of the robot "robot-7"' in " ".join((answer.err + answer.out).split())
     assert _state("robot-8").read_bytes() == before
 
 

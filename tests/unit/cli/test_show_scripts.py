@@ -4,10 +4,14 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.plan_files import read_plan_file
+from rarms_iac.app.scripts import ScriptSelection, plan_scripts, scripts_to_write
+from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.version import __version__
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
@@ -64,6 +68,19 @@ def test_line_numbers_are_those_of_the_file(
     assert "'torch-motion.rarms-" in shown
 
 
+def test_provisional_scripts_are_written_after_consent(plan: str) -> None:
+    made = read_plan_file(plan)
+    (part,) = made.hosts
+    provisional = replace(made, hosts=(replace(part, provisional=(part.steps[-1].address.partition,)),))
+    accepted = replace(provisional, inputs=replace(made.inputs, accept_provisional=True))
+    scripts = plan_scripts(made)
+
+    with pytest.raises(UseCaseError) as refused:
+        scripts_to_write(provisional, scripts, scripts, ScriptSelection())
+    assert [finding.code for finding in refused.value.findings] == ["RARMS109"]
+    assert scripts_to_write(accepted, scripts, scripts, ScriptSelection()) == scripts
+
+
 def test_module_lies_beside_scripts_that_need_it(plan: str, folder: Path, single: Path) -> None:
     files = {path.name: path for path in (folder / "Rarms").iterdir()}
     assert sorted(files) == ["Rarms.psd1", "Rarms.psm1", "observe.ps1"]
@@ -110,7 +127,9 @@ def other(plan: str, tmp_path_factory: pytest.TempPathFactory) -> str:
     """The plan of the example with another reserve."""
     folder = tmp_path_factory.mktemp("other")
     text = (CELL / "rarms.yaml").read_text(encoding="utf-8")
-    (folder / "rarms.yaml").write_text(text.replace("reserve: 35 %", "reserve: 30 %"), encoding="utf-8", newline="\n")
+    (folder / "rarms.yaml").write_text(
+        text.replace("reserve: 2.8 LP", "reserve: 2.4 LP"), encoding="utf-8", newline="\n"
+    )
     path = str(folder / "other.plan")
     assert rarms("plan", "-f", str(folder), "--snapshot", f"cell={CELL / 'host.json'}", "--out", path).code == 0
     return path
@@ -126,7 +145,7 @@ def test_two_plans_are_compared_by_steps(plan: str, other: str) -> None:
     assert "      after.reserve  70 -> 60\n" in compared.out
     assert "0 new" in compared.out
     assert {step["address"] for step in loaded["steps"]} == {"partition/seam-tracking"}
-    assert "do the same" in same.out
+    assert "all steps are equal" in same.out
 
 
 def test_a_script_file_is_compared_line_by_line(plan: str, other: str, folder: Path, tmp_path: Path) -> None:
@@ -140,7 +159,7 @@ def test_a_script_file_is_compared_line_by_line(plan: str, other: str, folder: P
     changed = [line for line in compared.out.splitlines() if "Reserve = " in line and line[0] != " "]
     assert {line[0] for line in changed} == {"-", "+"}
     assert loaded["kind"] == "script_text_difference"
-    assert "they are equal, line by line" in same.out
+    assert "all lines are equal" in same.out
 
 
 @pytest.mark.parametrize(
@@ -165,10 +184,10 @@ def test_an_edited_script_is_checked(folder: Path, tmp_path: Path, old: bytes, n
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--script", "--host", "cel"), 'The plan has no host "cel". Did you mean'),
-        (("--script", "--guest", "torch"), 'no script for a guest "torch"'),
-        (("--undo",), "add --script"),
-        (("--script", "--snapshot", "x.json"), "A PLAN takes no --snapshot"),
+        (("--script", "--host", "cel"), 'The plan does not have the host "cel". Did you mean'),
+        (("--script", "--guest", "torch"), 'does not have a script for the guest "torch"'),
+        (("--undo",), "needs --script"),
+        (("--script", "--snapshot", "x.json"), "A PLAN cannot be combined with --snapshot"),
     ],
 )
 def test_what_cannot_be_meant_is_a_wrong_usage(plan: str, words: tuple[str, ...], message: str) -> None:
@@ -228,5 +247,5 @@ def test_removed_machine_is_lost_in_the_script(tmp_path: Path) -> None:
     shown = rarms("show", "--script", path)
 
     assert shown.code == 0, shown.err
-    assert "the machine is not made again" in shown.out
-    assert "the machine is not made again" not in rarms("show", path).out, "the simulated host makes it again"
+    assert "the machine cannot be created again" in shown.out
+    assert "the machine cannot be created again" not in rarms("show", path).out, "the simulated host makes it again"

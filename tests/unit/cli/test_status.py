@@ -46,11 +46,11 @@ def test_status_names_what_is_missing_first() -> None:
     after = rarms("status")
 
     assert "0 LP of 2 LP reserved, 0.2 LP kept for the host, 1.8 LP free" in before.out
-    assert "Next: `rarms plan` shows what is not applied yet." in before.out
+    assert "Next: `rarms plan` shows the changes that are not applied yet." in before.out
     assert "Host onboard  [############........]\n" in after.out
     assert "\n  1.2 LP of 2 LP reserved, 0.2 LP kept for the host, 0.6 LP free.\n" in after.out
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
-    assert "Nothing is left to do: all is applied, and no component has a threshold to prove." in after.out
+    assert "All is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
 
 
@@ -64,7 +64,7 @@ def test_unfinished_run_is_no_foreign_change() -> None:
     assert "changed on the host" not in status
     assert drifted.code == 5
     assert "Drift: 0 changed on the host, 2 not applied yet." in drifted.out
-    assert "what it has yet to do is listed as not applied" in " ".join(drifted.err.split())
+    assert "Its remaining steps are listed as not applied" in " ".join(drifted.err.split())
 
 
 def test_rarms_alone_without_manifest_says_how_to_begin() -> None:
@@ -92,8 +92,8 @@ def test_damaged_host_is_unknown() -> None:
     answer = rarms("status")
 
     assert answer.code == 1
-    assert "Host onboard could not be looked at:" in answer.out
-    assert answer.lines[-1] == "Unknown: onboard could not be looked at."
+    assert "Host onboard could not be read:" in answer.out
+    assert answer.lines[-1] == "Unknown: onboard could not be read."
     assert json.loads(rarms("status", "--json").out)["unknown"] == ["onboard"]
 
 
@@ -195,7 +195,7 @@ def test_undo_outdates_only_proofs_it_took_back() -> None:
         assert rarms(*command).code == 0
     taken_back = rarms("status")
 
-    assert "1 of 1 threshold held" in stands_again.out
+    assert "1 of 1 threshold met" in stands_again.out
     assert "planner is outdated" not in stands_again.out
     undone = json.loads(rarms("history", "--json").out)["hosts"]["onboard"][-1]["started_at"]
     assert f"planner is outdated: its layout on onboard was undone at {undone}." in " ".join(taken_back.out.split())
@@ -211,7 +211,7 @@ def test_manual_partition_is_started_before_proving() -> None:
     off, refused = rarms("status"), rarms("prove", "--load-host")
     assert rarms("start", "planner", "--auto-approve").code == 0
 
-    assert "Next: `rarms start planner` starts what does not run, so that thresholds can be proven." in off.out
+    assert "Next: `rarms start planner` starts partitions, so that thresholds can be proven." in off.out
     assert refused.code == 3
     assert "`rarms start planner`" in refused.err
     assert "Next: `rarms prove`" in rarms("status").out
@@ -223,7 +223,7 @@ def test_infeasible_manifest_is_planned_next() -> None:
 
     assert planned.code == 4
     assert "No layout: RARMS014 (Reservations exceed the platform)." in answer.out
-    assert "Next: `rarms plan` tells why the manifest has no layout, and what would help." in answer.out
+    assert "Next: `rarms plan` shows why there is no layout, and what would help." in answer.out
     assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
 
 
@@ -231,7 +231,7 @@ def test_missing_partition_cannot_be_simulated() -> None:
     answer = rarms("simulate", "change", "nobody", "--off")
 
     assert answer.code == 64
-    assert 'On onboard, robot has no partition "nobody".' in answer.err
+    assert 'On onboard, robot does not have the partition "nobody".' in answer.err
 
 
 def test_real_host_is_not_simulated() -> None:
@@ -241,7 +241,7 @@ def test_real_host_is_not_simulated() -> None:
     answer = rarms("simulate", "change", "vision", "--off")
 
     assert answer.code == 64
-    assert "No chosen host is simulated (onboard): a real host is changed with its own tools." in answer.err
+    assert "None of the chosen hosts is simulated: onboard. Change a real host with its own tools." in answer.err
 
 
 def test_the_status_says_when_thresholds_were_proven_last() -> None:
@@ -258,9 +258,9 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
     shown = " ".join(render(status_text(overview)).split())
 
     assert (
-        "2 of 3 thresholds held together with all other components under busy-loop, "
-        "the first proven at 2026-01-31 12:00:00 UTC, the last at 2026-02-01 12:00:00 UTC." in shown
-    )
+        "2 of 3 thresholds met with all components running under busy-loop, the first proven at "
+        "2026-01-31 12:00:00 UTC, the last at 2026-02-01 12:00:00 UTC."
+    ) in shown
     missed = "missed (2026-02-02 12:00:00 UTC, on onboard with 40 % of its VPs under busy-loop)."
     assert f"logger, mean_response_time at most 100 ms: {missed}" in shown
 
@@ -298,12 +298,14 @@ def test_runs_say_which_robot_they_were_for() -> None:
 def test_too_few_samples_recommend_enough() -> None:
     near = MEASURED.replace("work: 5 ms", "work: 120 ms, blocked: 20 ms, varies: 40 %").replace("100 ms", "300 ms")
     near = near.replace("    memory", "    processors: 1\n    cpu: { reserve: 0.41 LP }\n    memory")
-    Path("rarms.yaml").write_text(MANIFEST[: MANIFEST.index("  vision")] + near, encoding="utf-8")
+    short = MANIFEST[: MANIFEST.index("  vision")].replace("busy-loop }", "busy-loop, measuring: { proof: 20 s } }")
+    Path("rarms.yaml").write_text(short + near, encoding="utf-8")
     assert rarms("apply", "--auto-approve").code == 0
     assert rarms("prove", "--load-host").code == 4
 
     (proof,) = json.loads(rarms("status", "--json").out)["proofs"]
 
+    assert proof["proven"]["samples_needed"]
     assert f"Next: `rarms prove --samples {proof['proven']['samples_needed']}` runs all" in " ".join(
         rarms("status").out.split()
     )
@@ -338,7 +340,7 @@ def test_a_missing_journal_is_reported() -> None:
 
     undone, history, status = rarms("undo", "--auto-approve"), rarms("history"), rarms("status")
 
-    assert never_applied == (0, "Host onboard  nothing was applied here\n")
+    assert never_applied == (0, "Host onboard  no plan was applied here\n")
     missing = "The journal of onboard is missing: no run is recorded there, but speech and vision bear a mark of rarms."
     assert undone.code == 1
     assert "error[RARMS190]" in undone.err

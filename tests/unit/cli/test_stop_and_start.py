@@ -54,7 +54,7 @@ def test_stopped_partition_stays_off_without_drift() -> None:
     assert running() == ["speech"]
     planned, drifted = rarms("plan"), rarms("drift")
     assert (planned.code, drifted.code) == (0, 0)
-    assert "partition/vision stays stopped, as asked for. `rarms start vision` starts it." in planned.out
+    assert "partition/vision stays stopped, as requested. `rarms start vision` starts it." in planned.out
     assert json.loads(rarms("plan", "--json").out)["hosts"][0]["stopped"] == ["vision"]
 
     assert rarms("start", "--auto-approve").code == 0
@@ -102,7 +102,7 @@ def test_undo_takes_a_stop_back() -> None:
 def test_stopping_twice_changes_nothing() -> None:
     assert rarms("start", "--auto-approve").out == "No changes. None of these partitions was stopped by rarms.\n"
     assert rarms("stop", "--auto-approve").code == 0
-    assert rarms("stop", "--auto-approve").out == "No changes. None of these partitions is wanted running.\n"
+    assert rarms("stop", "--auto-approve").out == "No changes. None of these partitions should be running.\n"
 
 
 def test_manual_partition_starts_if_named() -> None:
@@ -148,7 +148,7 @@ def test_a_name_that_no_host_has_is_refused() -> None:
     refused = rarms("stop", "visoin", "--auto-approve")
 
     assert refused.code == 64
-    assert 'On onboard, robot has no partition "visoin". Did you mean "vision"?' in refused.err
+    assert 'On onboard, robot does not have the partition "visoin". Did you mean "vision"?' in refused.err
     assert running() == ["speech", "vision"]
 
 
@@ -178,4 +178,4 @@ def test_unknown_partition_is_wrong_usage(words: tuple[str, ...]) -> None:
     ran = rarms(*words, "--auto-approve")
 
     assert ran.code == 64
-    assert 'no partition "nosuch"' in " ".join(ran.err.split())
+    assert 'does not have the partition "nosuch"' in " ".join(ran.err.split())

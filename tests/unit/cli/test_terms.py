@@ -82,7 +82,7 @@ def _without_drawings(page: str) -> str:
 def test_measure_says_lps_and_share_with_its_noun(folder: Path) -> None:
     out = rarms("measure", "-v").out
 
-    assert re.search(r"vision +onboard +mean <= 50 ms +[\d.]+ ms +0\.\d+ LP [^:]*vision: \d+ % of its 1 VP", out)
+    assert re.search(r"vision +mean <= 50 ms +[\d.]+ ms +0\.\d+ LP [^:]*vision: \d+ % of its 1 VP", out)
     assert not BARE.search(out)
 
 

@@ -77,7 +77,7 @@ def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> N
     for capacity in report["capacities"]:
         assert capacity["reserved_lp"] == pytest.approx(sum(reserved[name] for name in capacity["hosts"]))
         assert capacity["headroom_lp"] == pytest.approx(sum(free[name] for name in capacity["hosts"]))
-    told = re.findall(r"; ([\d.]+) LP and [^;]* free", text) + re.findall(r"free on \w+ ([\d.]+) LP", explained)
+    told = re.findall(r", ([\d.]+) LP free\.", text) + re.findall(r"free on \w+ ([\d.]+) LP", explained)
     assert len(told) >= 2
     assert {float(figure) for figure in told} <= {round(amount, 2) for amount in free.values()}
     wholes = [set(re.findall(r"[\d.]+ LP of ([\d.]+) LP", " ".join(output.split()))) for output in shown]

@@ -80,7 +80,7 @@ def test_question_offers_to_keep(typed: str, code: int, vision: str) -> None:
 
     asked = rarms("undo", stdin=typed, at_a_terminal=True)
 
-    assert "`keep` does it and keeps the manifest's values. Type `yes` or `keep`:" in said(asked)
+    assert "`keep` undoes it but keeps the values of the manifest. Type `yes` or `keep`:" in said(asked)
     assert (asked.code, reserves()["vision"]) == (code, vision)
 
 
@@ -100,7 +100,7 @@ def test_keep_is_refused_where_another_needs_the_room() -> None:
     refused = rarms("undo", "--keep", "--auto-approve")
 
     assert refused.code == 64
-    assert "partition/speech may need what partition/vision would keep" in said(refused)
+    assert "partition/speech may need the capacity that partition/vision would keep" in said(refused)
     assert "Run `rarms undo`, then `rarms apply`" in said(refused)
     assert [rarms(command, "--auto-approve").code for command in ("undo", "apply")] == [0, 0]
     assert reserves()["vision"] == "0.8"
@@ -114,7 +114,7 @@ def test_steps_that_are_left_of_undo_are_listed() -> None:
     finished = rarms("undo", "--auto-approve", "--json")
 
     assert finished.code == 0
-    assert "begun by" in said(finished)
+    assert "The last change is undone first" in said(finished)
     assert "0.04 -> 0.8" not in said(finished), "that would be the undo of the undo"
     assert json.loads(finished.lines[-1])["ending"] == "done"
 

@@ -200,9 +200,9 @@ def test_class_with_unrestorable_value_is_left_alone(odd: RegistryValue, place: 
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        *((name, "its name is a pattern") for name in ("a*", "Prior?ty", "x[1]", "a`b")),
-        *((name, "the key's own value") for name in ("", "(default)", "(Default)")),
-        ("PSObject", "PowerShell keeps its name"),
+        *((name, "PowerShell reads its name as a pattern") for name in ("a*", "Prior?ty", "x[1]", "a`b")),
+        *((name, "the default value of the key") for name in ("", "(default)", "(Default)")),
+        ("PSObject", "its name is reserved in PowerShell"),
     ],
 )
 def test_unwritable_value_keeps_its_class_alone(name: str, why: str) -> None:

@@ -135,7 +135,7 @@ def test_missing_value_is_created_and_undone() -> None:
     assert steps[1].undo.operation == RemoveTaskClass(task="SystemResponsiveness", inside="")
 
 
-def test_without_the_line_it_goes_back() -> None:
+def test_responsiveness_without_manifest_line_goes_back() -> None:
     state = applied(wanting(10), a_state(Responsiveness(value=dword(20))))
 
     (change,) = of_it(route(wanting(None), state))
@@ -183,3 +183,12 @@ def test_a_plan_is_stale_where_it_was_changed() -> None:
     before, after = (part_digests(a_state(Responsiveness(value=dword(data))), "robot") for data in (20, 30))
 
     assert moved_parts(before, after) == ("mmcss/responsiveness has changed",)
+
+
+def test_unmarked_machine_is_not_called_missing() -> None:
+    wanted = State(facts=FACTS, partitions=(MANAGED,))
+    released = State(facts=FACTS, partitions=(replace(MANAGED, mark=None),))
+
+    for last_run, kind in ((frozenset[str](), DriftKind.UNMANAGED), (frozenset({"vision"}), DriftKind.REMOVED)):
+        (found,) = drift(wanted, released, "robot", last_run=last_run)
+        assert found.drift is kind

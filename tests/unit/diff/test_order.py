@@ -1,20 +1,23 @@
 from dataclasses import replace
 from fractions import Fraction
 
+import pytest
+
 from rarms_iac.diff.disruption import hold_back
 from rarms_iac.diff.order import order
 from rarms_iac.diff.step_context import StepContext
 from rarms_iac.diff.steps import PlannedChange
-from rarms_iac.model.changes import Address, Reason, Update
+from rarms_iac.model.changes import Address, Create, Reason, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.operations import call_name, set_to
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.quantities import Percent, ShareOfHost
+from rarms_iac.model.quantities import LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.starting import Starting
 from rarms_iac.model.state import Partition, RunState, State
-from rarms_iac.model.system import CpuRequest, Disruption, System
-from tests.builders import a_component, a_host, a_mark, a_system
+from rarms_iac.model.system import CpuRequest, Disruption, StartRequest, System
+from tests.builders import a_component, a_host, a_mark, a_system, cpu_amount, milliseconds
 from tests.builders_plan import facts
 from tests.planning import route
 from tests.pure_host import PureHost
@@ -34,6 +37,20 @@ def shares(**reserves: int) -> System:
             for at, (name, share) in enumerate(reserves.items())
         ],
     )
+
+
+def starting(system: System, **reserves: str) -> System:
+    """The system with these reserves for 30 s from each start on."""
+    more = {
+        name: replace(
+            system.components[name],
+            cpu=replace(
+                system.components[name].cpu, starting=StartRequest(reserve=cpu_amount(share), time=milliseconds("30 s"))
+            ),
+        )
+        for name, share in reserves.items()
+    }
+    return replace(system, components={**system.components, **more})
 
 
 def applied(system: System, state: State) -> State:
@@ -56,7 +73,7 @@ def test_disruptive_change_holds_back_dependent_growth() -> None:
 
     assert found.allowed == ()
     assert {str(held.change.address): held.why for held in found.held_back} == {
-        "partition/speech": "it needs what a change that is held back would have given back",
+        "partition/speech": "it needs capacity that a change would free which is held back",
         "partition/vision": "--max-disruption partition_stop allows it",
     }
     assert found.ordered == ()
@@ -94,22 +111,27 @@ def step(partition: Partition, before: Claim, after: Claim) -> Step:
     )
 
 
-def crossed() -> tuple[list[PlannedChange], StepContext]:
+WHY = Reason(message="for the test")
+
+
+def changed(name: str, before: Partition, after: Partition, disruption: Disruption) -> Update:
+    address = Address(partition=name, machine=before.id)
+    return Update(address=address, before=before, after=after, reason=WHY, disruption=disruption)
+
+
+def crossed(vision_keeps: int = 20) -> tuple[list[PlannedChange], StepContext]:
     """Two full partitions; each first takes what the other gives only afterwards, so that no order fits."""
     vision, speech = running("vision", 80, 100), running("speech", 20, 900)
     taken = [
         PlannedChange(
-            change=Update(
-                address=Address(partition=partition.settings.name, machine=partition.id),
-                before=partition,
-                after=partition,
-                reason=Reason(message="for the test"),
-                disruption=Disruption.LIVE,
-            ),
+            change=changed(partition.settings.name, partition, partition, Disruption.LIVE),
             steps=changes,
         )
         for partition, changes in [
-            (vision, (step(vision, claim(80, 100), claim(80, 900)), step(vision, claim(80, 900), claim(20, 900)))),
+            (
+                vision,
+                (step(vision, claim(80, 100), claim(80, 900)), step(vision, claim(80, 900), claim(vision_keeps, 900))),
+            ),
             (speech, (step(speech, claim(20, 900), claim(80, 900)), step(speech, claim(80, 900), claim(80, 100)))),
         ]
     ]
@@ -136,6 +158,24 @@ def test_least_critical_stops_when_no_order_fits() -> None:
     ]
     assert "least critical" in found[0].comment
     assert never_over(found, context)
+
+
+@pytest.mark.parametrize("vision_keeps", [10, 20])
+def test_restart_to_make_room_has_more_where_free(vision_keeps: int) -> None:
+    (vision, speech), context = crossed(vision_keeps)
+    assert isinstance(speech.change, Update)
+    assert isinstance(speech.change.after, Partition)
+    ends = replace(speech.change.after, settings=replace(speech.change.after.settings, reserve=80, memory=100 * MIB))
+    speech = replace(speech, change=replace(speech.change, after=ends))
+    more = Starting(reserve=LogicalProcessors(Fraction(9, 10)), time_ms=30_000)
+
+    found = order([vision, speech], replace(context, starting={"speech": more}))
+
+    assert not isinstance(found, Diagnostic), found
+    assert never_over(found, context)
+    around = [call_name(each.operation) for each in found[5:]]
+    assert around == (["set_cpu", "start_partition", "set_cpu"] if vision_keeps == 10 else ["start_partition"])
+    assert found[-1].claim_after == claim(80, 100)
 
 
 def never_over(steps: tuple[Step, ...], context: StepContext) -> bool:
@@ -166,3 +206,60 @@ def test_nothing_is_held_back_where_all_is_allowed() -> None:
     taken, context = crossed()
 
     assert hold_back([planned.change for planned in taken], context)[1] == ()
+
+
+def test_more_for_a_start_is_given_back() -> None:
+    system = starting(shares(vision=30, speech=20, door=30), vision="45 %", speech="40 %")
+
+    found = route(system, empty_state(HOST), Disruption.REMOVAL)
+    host = PureHost(empty_state(HOST))
+    most = 0
+    for each_step in found.steps:
+        host.walk((each_step,))
+        most = max(most, sum(each.settings.reserve for each in host.state.partitions if each.settings.running))
+    walked = [each.title.partition(":")[0] for each in found.steps if each.wait_ms is not None]
+
+    assert found.held_back == ()
+    assert walked == ["for its start", "30 s after its start"] * 2
+    reserves = {each.settings.name: each.settings.reserve for each in host.state.partitions}
+    assert reserves == {"vision": 30, "speech": 20, "door": 30}
+    assert most <= 100
+
+
+def test_held_back_neighbour_leaves_no_room_to_start() -> None:
+    """One keeps its name, since it must not stop; so the next one keeps its reservation, and a start lacks room."""
+    first, second = running("first", 10, 100), running("second", 60, 100)
+    less, new = running("first", 10, 100), running("new", 20, 100)
+    more = Starting(reserve=LogicalProcessors(Fraction(7, 10)), time_ms=30_000)
+    changes = (
+        changed("third", first, first, Disruption.PARTITION_STOP),
+        changed("first", second, less, Disruption.LIVE),
+        Create(address=Address(partition="new"), after=new, reason=WHY),
+    )
+    _, context = crossed()
+    state = replace(context.seen.state, partitions=(first, second))
+    here = replace(
+        context,
+        seen=replace(context.seen, state=state),
+        max_disruption=Disruption.LIVE,
+        starting={"new": more},
+    )
+
+    allowed, held = hold_back(changes, here)
+
+    assert allowed == ()
+    assert [each.why for each in held] == [
+        "--max-disruption partition_stop allows it",
+        "its name is used by partition/third",
+        "its start needs 0.7 LP, and the host has 0.3 LP free",
+    ]
+
+
+def test_start_without_room_is_held_back() -> None:
+    found = route(starting(shares(vision=30, speech=40), vision="70 %"), empty_state(HOST), Disruption.REMOVAL)
+
+    (held,) = found.held_back
+    assert (str(held.change.address), held.why) == (
+        "partition/vision",
+        "its start needs 1.4 LP, and the host has 1.2 LP free",
+    )

@@ -73,12 +73,12 @@ components:
       failures: 2
     memory: 512 MiB
     processors: 2
-    cpu: { reserve: 1.4 LP, limit: 80 %, weight: 200 }
+    cpu: { reserve: 1.4 LP, limit: 80 %, weight: 200, starting: { reserve: 1.5 LP, for: 30 s } }
     together: [speech]
     apart: [planning]
     dedicated: false
     new: false
-    task: ObjectIdentification
+    task: { class: ObjectIdentification, threads: ["detect*"] }
     hosts: [onboard, server]
     runs_on: partition
     interference: browsers
@@ -88,7 +88,42 @@ components:
     apt: { maximum_response_time: { at_most: 400 ms }, minimum_response_time: { at_most: 300 ms } }
     run: { call: 'components.speech:listen', arrival: closed, until: { elapsed: 60 s } }
     cpu: { reserve: measured }
-  planning: { criticality: 20, runs_on: host }
+  planning:
+    criticality: 20
+    runs_on: host
+    run: { command: [plan], timeout: 1 s, samples: { from: ros, input: /map, output: /plan/way } }
+  faces:
+    criticality: 10
+    run:
+      processes:
+        camera:
+          service:
+            exec: [camera, --fast]
+            properties:
+              Environment: [LEVEL=3]
+              WorkingDirectory: /opt/robot
+              SupplementaryGroups: video
+              LimitMEMLOCK: 64M
+              Restart: on-failure
+              Nice: -5
+              CPUSchedulingPolicy: fifo
+              CPUSchedulingPriority: 20
+        detector:
+          container: { engine: podman, image: faces, command: [detect], options: [--device=/dev/video0] }
+          user: robot
+      environment: { from_file: robot.env }
+      user: root
+      groups: [video]
+      samples: { from: json_lines, process: detector, file: out/faces.jsonl }
+  planner:
+    criticality: 5
+    run: { command: [plan], setup: [install/setup.bash], samples: { from: json_lines, socket: planner.sock } }
+  route:
+    criticality: 4
+    run: { attach: { container: nav2, engine: docker }, samples: { from: json_lines } }
+  map:
+    criticality: 3
+    run: { attach: { service: slam }, samples: { from: json_lines } }
 partitions:
   senses:
     components: [vision, speech]
@@ -117,7 +152,7 @@ policy:
   max_disruption: partition_stop
   unused: keep
   signed_plans: true
-  measuring: { setting: 5 min, proof: 1 h }
+  measuring: { setting: 5 min, proof: 1 h, slow_job: 10, precision: 5 % }
   accept:
     RARMS041: { at: [partition/senses], reason: Known., until: '2027-01-31' }
 moved: { ears: senses }

@@ -111,6 +111,8 @@ def test_keeping_the_whole_host_is_refused(tmp_path: Path) -> None:
     [
         ("40", '"40"', "Take away the quotes: 40."),
         ("mean_response_time", "p100_response_time", "Did you mean maximum_response_time?"),
+        ("mean_response_time", "mean", "Did you mean mean_response_time?"),
+        ("mean_response_time", "p90", "Did you mean p90_response_time?"),
         ("mean_response_time", "p99.0_response_time", "Did you mean p99_response_time?"),
         ("mean_response_time", "p99.90_response_time", "Did you mean p99.9_response_time?"),
         ("[python3, vision.py]", "[a], arrival: 40 ms", "Write {every: 40 ms}."),
@@ -125,7 +127,7 @@ def test_keeping_the_whole_host_is_refused(tmp_path: Path) -> None:
         ("criticality: 40", "cpu: 40 %\n    criticality: 40", "Write {reserve: 40 %} or {limit: 40 %}."),
     ],
 )
-def test_what_was_meant_is_advised(tmp_path: Path, before: str, after: str, advice: str) -> None:
+def test_misspelt_value_gets_the_meant_one(tmp_path: Path, before: str, after: str, advice: str) -> None:
     [found] = loaded(tmp_path, SMALL.replace(before, after)).diagnostics
 
     assert str(found.advice) == advice
@@ -141,9 +143,9 @@ def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
 
 
 def test_missing_overlay_is_not_to_become_manifest(tmp_path: Path) -> None:
-    manifest, empty = write(tmp_path, SMALL), write(tmp_path, "# nothing yet\n", "empty.yaml")
+    manifest, comment = write(tmp_path, SMALL), write(tmp_path, "# nothing yet\n", "comment.yaml")
 
-    for overlay in (empty, str(tmp_path / "missing.yaml")):
+    for overlay in (comment, write(tmp_path, "\n", "empty.yaml"), str(tmp_path / "missing.yaml")):
         read = load_system(manifest, [overlay], today=date(2026, 11, 21), checks=no_checks)
         (told,) = [diagnostic for diagnostic in read.diagnostics if diagnostic.severity is Severity.ERROR]
         assert "differ" in str(told.advice)

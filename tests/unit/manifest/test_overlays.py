@@ -56,7 +56,7 @@ def test_name_that_only_the_overlay_has(tmp_path: Path, overlay: str, found: tup
     assert read.system is not None
 
 
-def test_misspelt_name_is_named_beside_what_it_lacks(tmp_path: Path) -> None:
+def test_misspelt_overlay_name_is_a_finding(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL, "components: {vison: {memory: 1 GiB}}\n")
 
     assert read.system is None
@@ -79,6 +79,22 @@ def test_null_removes(tmp_path: Path) -> None:
     read = loaded(tmp_path, SMALL, "components: {vision: {apt: null}, nobody: null}\npolicy: null\n")
 
     assert vision(read).apt == {}
+
+
+@pytest.mark.parametrize(
+    ("overlay", "advice"),
+    [
+        ("hosts: {onboard: {provider: linux}}\n", "Write hyperv: null in overlay-0.yaml."),
+        ("hosts: {onboard: {memory: 2 GiB}}\n", "Remove it, or write provider: hyperv."),
+    ],
+)
+def test_null_is_advised_for_another_provider(tmp_path: Path, overlay: str, advice: str) -> None:
+    text = SMALL.replace("memory: 4 GiB", "memory: 4 GiB, hyperv: {generation: 2}", 1)
+    text = text if "provider" in overlay else text.replace("memory: 4 GiB", "provider: linux, memory: 4 GiB", 1)
+    read = loaded(tmp_path, text, overlay)
+
+    (found,) = (str(each.advice) for each in read.diagnostics if each.code == "RARMS015")
+    assert found.replace(f"{tmp_path}{os.sep}", "") == advice
 
 
 def test_null_removes_inside_what_manifest_does_not_have(tmp_path: Path) -> None:

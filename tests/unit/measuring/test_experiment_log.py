@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import chdir, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.app.measurement_files import hold_data_log
+from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.log import DataLog
+from tests.builders_measured import a_series, a_setting
 from tests.crashing import Crash, CrashingDisk
 from tests.fluid import without_scheduler
 from tests.measuring import the_log as measured_log
@@ -34,6 +37,18 @@ def here(tmp_path: Path) -> Iterator[Path]:
     with chdir(tmp_path), without_scheduler():
         assert rarms(*SWEPT).code == 0
         yield tmp_path
+
+
+def test_order_is_that_of_the_seed() -> None:
+    runs = [replace(a_setting(reserve, a_series("vision", [1.0])), seed=seed) for reserve, seed in MEASURED_TWICE]
+
+    known = KnownSettings(runs=tuple(runs), simulated=True)
+
+    assert [setting.reserve for setting in known.seen_with(2)] == [45, 60]
+    assert [setting.reserve for setting in known.settings] == [60, 45, 50]
+
+
+MEASURED_TWICE = ((60, 1), (45, 1), (50, 1), (45, 2), (60, 2))
 
 
 def path_of(name: str) -> Path:
@@ -102,10 +117,14 @@ def test_two_hosts_share_no_log_at_once(here: Path) -> None:
 
 def test_quiet_pass_replaces_busy_measurements(here: Path) -> None:
     searched = ("measure", "vision", "--samples", "60", "--host", "left")
-    manifest = MANIFEST.replace(
-        "reserve: measured }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
-        "reserve: 1 % }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
-    ).replace("samples: 5", "samples: 60")
+    manifest = (
+        MANIFEST.replace(
+            "reserve: measured }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
+            "reserve: 1 % }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
+        )
+        .replace("samples: 5", "samples: 60")
+        .replace("at_most: 50 ms", "at_most: 60 ms")
+    )
     (here / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
     assert rarms("apply", "--auto-approve", "--host", "left").code == 0
     busy = rarms(*searched, "--on-busy-host")

@@ -5,12 +5,14 @@ from contextlib import chdir
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
-from rarms_iac.measuring.findings import describe_idle, findings_of, work_of_settings
+from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.other_work import describe_idle, work_of_evidence, work_of_settings
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, experiment_of
@@ -21,6 +23,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, SkippedLines
 from rarms_iac.model.setting import P1, P2, OutsideWork, Setting, SettingEvidence
+from rarms_iac.model.speed import MachineSpeed
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from rarms_iac.storage.codec import decode, encode
 from rarms_iac.storage.datalog.log import Provenance, Recorded
@@ -69,7 +72,7 @@ def test_unsure_right_side_is_told_too() -> None:
 def test_series_without_steady_state_is_told_as_such() -> None:
     message = " ".join(told([40.0 + number for number in range(100)]))
 
-    assert "cannot be told: its response times still changed within 100 samples" in message
+    assert "not known: its response times still changed within 100 samples" in message
 
 
 @pytest.mark.parametrize(("cpu_ms", "helps"), [(60.0, True), (10.0, False)])
@@ -90,9 +93,9 @@ def test_waiting_component_is_told_cpu_does_not_help(cpu_ms: float, helps: bool)
     )
 
     assert found
-    why = "overloaded: needs 1.2 LP, has 1" if helps else "overloaded: a job is due every 50 ms, and one ends every 60"
-    assert all(f"grows without an end ({why}" in each.detail for each in found)
-    assert all(str(each.advice).startswith("More CPU does not help") is not helps for each in found)
+    why = "overloaded: needs 1.2 LP, has 1" if helps else "overloaded: jobs arrive every 50 ms but end every 60"
+    assert all(f"keeps growing ({why}" in each.detail for each in found)
+    assert all(str(each.advice).startswith("More CPU time does not help") is not helps for each in found)
 
 
 def drifting(reserve: int) -> Setting:
@@ -105,13 +108,13 @@ def drifting(reserve: int) -> Setting:
         (
             None,
             (45,),
-            "vision: 46 % of its VPs is enough. Of 45 % of them nothing is known: it reached no steady state",
+            "vision: 46 % of its VPs is enough. 45 % was not judged, because it did not reach a steady state",
         ),
         (
             20,
             (44, 45),
             "46 % of its VPs is enough; 20 % of them is too little. "
-            "Of 44 and 45 % of them nothing is known: they reached no",
+            "44 and 45 % was not judged, because they did not reach a",
         ),
         (43, (44, 45), None),
         (45, (), None),
@@ -136,9 +139,9 @@ def test_possibly_smaller_answer_is_told(
 @pytest.mark.parametrize(
     ("samples", "advice"),
     [
-        (400, "8 s were spent: 100 samples were taken, and about 400 would show it, in 34 s a setting. Allow that: "),
-        (None, "8 s were spent on 100 samples, which do not say yet how many would show it. Allow more: "),
-        (50_000, "Move the threshold away from what the component just reaches: 40000 samples would not tell."),
+        (400, "100 samples were taken in 8 s. About 400 are needed, 34 s a setting. Allow more time: "),
+        (None, "100 samples were taken in 8 s. The number that is needed is not known yet. Allow more time: "),
+        (50_000, "Change the threshold: the measured value is so close that 40000 samples would not be enough."),
     ],
 )
 def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str) -> None:
@@ -149,7 +152,18 @@ def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str)
     assert found.code == "RARMS111"
     assert str(found.advice).startswith(advice)
     assert ("`policy: { measuring: { setting: 1 min } }`" in str(found.advice)) is (samples != 50_000)
-    assert "The setting ended after 8 s of the 10 min that it may take" in found.detail
+    assert "The setting ended after 8 s of at most 10 min" in found.detail
+
+
+def test_samples_and_time_are_of_the_slowest_member() -> None:
+    """Planner has a tenth of vision's jobs; four times its samples are four times the time."""
+    series = (a_series("planner", [81.4, 86.4] * 5), a_series("vision", [81.4, 86.4] * 50))
+    end = NotResolved(reason="within the noise", member="planner", samples=40)
+
+    [found] = findings_of(EXPERIMENT, end, (a_setting(100, *series),), first_line(""))
+
+    assert "10 samples of planner were taken" in str(found.advice)
+    assert found.values["takes_ms"] == pytest.approx(4 * a_setting(100, *series).host_ms)
 
 
 @pytest.mark.parametrize(("samples", "asked"), [(7000, 7000), (None, 1000)])
@@ -165,11 +179,11 @@ def test_ended_at_until_asks_for_samples(samples: int | None, asked: int) -> Non
 
 def test_early_end_asks_for_the_same_command() -> None:
     settings = (a_setting(70, a_series("vision", [81.4, 86.4] * 50)),)
-    end = NotResolved(reason="its 8 settings show no reservation to be enough", more_settings=8)
+    end = NotResolved(reason="none of its 8 settings was shown to be enough", more_settings=8)
 
     [found] = findings_of(EXPERIMENT, end, settings, first_line(""))
 
-    assert str(found.advice) == "Run the same command: up to 8 settings more may show one."
+    assert str(found.advice) == "Run the same command to continue with up to 8 settings more."
     assert found.values["more_settings"] == 8
     assert "The setting ended" not in found.detail, "it may be clear"
 
@@ -190,7 +204,7 @@ def test_unsteady_despite_many_samples_needs_no_time(samples: int, more_time: bo
     (none,) = findings_of(experiment, NotResolved(reason="no steady state"), (setting,), first_line(""))
 
     assert none.code == "RARMS112"
-    assert "Look for what grows" in str(less.advice)
+    assert "for a growing queue" in str(less.advice)
     assert ("setting: 30 min" in str(none.advice)) == ("setting: 30 min" in str(less.advice)) == more_time
 
 
@@ -201,7 +215,7 @@ def test_fixed_and_measured_reservation_is_told(reserve: str | None, codes: list
     found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
-    assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)
+    assert all("21 %" in diagnostic.detail and "fixes 30 %" in diagnostic.detail for diagnostic in found)
 
 
 @pytest.mark.parametrize(("source", "codes"), [(ProcessorSource.MANIFEST, ["RARMS380"]), (ProcessorSource.HOST, [])])
@@ -212,7 +226,7 @@ def test_unused_fixed_processors_are_noted(source: ProcessorSource, codes: list[
     found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
-    assert all("1.08 LP, and would be 0.54 LP with 1" in diagnostic.detail for diagnostic in found)
+    assert all("1.08 LP; with 1 it is 0.54 LP" in diagnostic.detail for diagnostic in found)
 
 
 def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:
@@ -253,7 +267,10 @@ def test_expected_conditions_are_no_disturbance() -> None:
 
 
 def test_load_that_does_not_get_its_reserve_disturbs() -> None:
-    assert disturbance(SHORT_LOAD, 2, load=share(0.8)) == "the load in P2 got 0.40 LP where 0.80 are reserved"
+    assert (
+        disturbance(SHORT_LOAD, 2, load=share(0.8))
+        == "the load in P2 got 0.40 LP of the 0.80 LP that are reserved for it"
+    )
     assert disturbance(SHORT_LOAD, 2, load=None) == "", "browsers may rest"
 
 
@@ -268,7 +285,29 @@ def test_p1_surplus_disturbs_nobody() -> None:
 def test_stolen_time_disturbs() -> None:
     stolen = replace(QUIET, stolen_ms=1_100)
 
-    assert disturbance(stolen, 2, load=None) == ("the machine below took 5.5 % of the processors' time, and 5 % may be")
+    assert disturbance(stolen, 2, load=None) == (
+        "the machine below this one took 5.5 % of the processor time; at most 5 % is allowed"
+    )
+
+
+FAST = MachineSpeed(governor="performance", mhz=3000, limit_mhz=3400, throttled=2)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"governor": "powersave"}, "the frequency governor changed from performance to powersave"),
+        ({"throttled": 3}, "heat slowed the processors"),
+        ({"limit_mhz": 2000}, "the highest frequency allowed changed from 3400 to 2000 MHz"),
+        ({"mhz": 2600}, "the processors' frequency changed from 3000 to 2600 MHz"),
+        ({"mhz": 2800}, ""),
+    ],
+)
+def test_changed_speed_disturbs(change: dict[str, Any], reason: str) -> None:
+    evidence = replace(QUIET, speeds=(FAST, replace(FAST, **change)))
+
+    assert disturbance(evidence, 2, load=share(0.8)) == reason
+    assert disturbance(evidence, 2, load=None) == ("" if "mhz" in change else reason), "idle processors slow down"
 
 
 def test_counters_give_what_was_counted_between_two_moments() -> None:
@@ -282,7 +321,11 @@ def test_counters_give_what_was_counted_between_two_moments() -> None:
 
 
 ELSEWHERE = replace(
-    QUIET, outside=(OutsideWork(name="sh", group="/docker/1", cpu_ms=7.5, component="eyes"),), out_of_memory={"eyes": 2}
+    QUIET,
+    speeds=(FAST, FAST),
+    memory_peak=2**28,
+    outside=(OutsideWork(name="sh", group="/docker/1", cpu_ms=7.5, component="eyes"),),
+    out_of_memory={"eyes": 2},
 )
 SKIPPED = replace(QUIET, skipped_lines={"vision": SkippedLines(count=7, first=('"loading"',))})
 
@@ -348,10 +391,10 @@ def test_a_weak_load_names_what_had_its_time() -> None:
     evidence = replace(an_evidence(200.0, 1000.0), others=others, throttled_ms={P1: 5.0, P2: 400.0})
 
     assert describe_idle("busy-loop", evidence, host) == (
-        "busy-loop left 33 % of 1.8 LP. Of 1.8 LP, make in /user.slice had 20 %. The limit of P2 stopped its threads "
-        "for 0.4 s, added up over the processors."
+        "busy-loop left 33 % of 1.8 LP. Of 1.8 LP, make in /user.slice had 20 %. The limit of P2 "
+        "stopped its threads for 0.4 s in total on all processors."
     )
-    assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("had it: the load waited.")
+    assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("was the cause: the load waited.")
     assert not leaves_idle(an_evidence(200.0, 1550.0), shared_processors(host, 2))
 
 
@@ -380,6 +423,17 @@ def told_of_work(ran: Ran, starts: int = 1) -> None:
     assert text.count("[RARMS393]") == text.count("[RARMS394]") == 1
 
 
+@pytest.mark.parametrize("reserved", [True, False])
+def test_busy_host_is_a_note_of_its_own(reserved: bool) -> None:
+    others = (OutsideWork(name="make", group="/user.slice", cpu_ms=360.0),)
+    evidence = SettingEvidence(elapsed_ms=1000.0, outside=others)
+
+    told = list(work_of_evidence(["vision"], [evidence], first_line(""), reserved=reserved))
+
+    assert [str(each.code) for each in told] == ["RARMS392"] * reserved
+    assert all("used more processor time: make in /user.slice 360 ms." in each.detail for each in told)
+
+
 def test_measure_names_work_outside_and_kills(here: Path) -> None:
     (here / "rarms.yaml").write_text(test_prove.MANIFEST, encoding="utf-8")
 
@@ -388,7 +442,9 @@ def test_measure_names_work_outside_and_kills(here: Path) -> None:
 
 
 def test_prove_adds_up_the_starts(here: Path) -> None:
-    (here / "rarms.yaml").write_text(test_prove.MANIFEST, encoding="utf-8")
+    without_conditions = "policy: { interference: busy-loop, measuring: { slow_job: 1 } }"
+    manifest = test_prove.MANIFEST.replace("policy: { interference: busy-loop }", without_conditions)
+    (here / "rarms.yaml").write_text(manifest, encoding="utf-8")
     assert rarms("apply", "--auto-approve").code == 0
 
     proved = rarms("prove", "--without-load")

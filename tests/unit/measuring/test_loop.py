@@ -129,7 +129,7 @@ def test_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypat
     (setting,) = ended.settings
     assert len(bench.ran) == 2
     assert setting.evidence == replace(
-        counted(1.0), disturbances=("the load in P2 got 0.20 LP where 1.00 are reserved",)
+        counted(1.0), disturbances=("the load in P2 got 0.20 LP of the 1.00 LP that are reserved for it",)
     )
     assert not setting.series[0].unsettled
     assert bench.book.known.settings == (setting,)
@@ -217,12 +217,16 @@ def test_threshold_at_floor_is_never_met_for_sure(bench: Bench) -> None:
     ended = bench.measure(bench.search("default"), simulate=flat)
 
     assert isinstance(ended.conclusion, NotResolved)
-    assert ended.conclusion.reason.startswith("at 100 % of its VPs vision is neither shown")
+    assert ended.conclusion.reason.startswith(
+        "at 100 % of its VPs vision was not shown to meet or to miss its threshold"
+    )
     other = Bench(bench.folder / "other", bench.experiment)
     other.folder.mkdir()
     within = other.measure(other.search("bisection", most=80), simulate=flat)
     assert isinstance(within.conclusion, NotResolved)
-    assert within.conclusion.reason.startswith("at 80 % of its VPs vision is neither shown")
+    assert within.conclusion.reason.startswith(
+        "at 80 % of its VPs vision was not shown to meet or to miss its threshold"
+    )
 
 
 def test_too_many_failures_end_without_verdict(bench: Bench) -> None:
@@ -282,7 +286,7 @@ def test_first_setting_is_as_precise_as_asked(bench: Bench) -> None:
     vision = replace(bench.experiment.members[0], apt={"mean_response_time": at_most(200)}, run=a_run(until=None))
     bench.experiment = replace(bench.experiment, members=(vision,))
     asked = bench.search("default").decide(())
-    jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
+    jobs = [72.0 if number % 2 else 88.0 for number in range(200)]
     few, many = (Setting(reserve=45, series=(a_series("vision", jobs[:count]),)) for count in (40, 160))
 
     assert isinstance(asked, Measure)
@@ -399,8 +403,8 @@ def test_growing_use_begins_a_new_curve(
         ran = rarms("measure")
         seen = recorded()
 
-    assert ran.err.count("eyes with busy-loop on onboard (simulated): 1 to 8 settings") == 2
     assert "RARMS380" in ran.err
+    assert "more than the 1 VP with which it was measured so far" in " ".join(ran.err.split())
     assert {processors for processors, used in seen if used == 2} == {1, 2}
     of_two = [processors for processors, _ in seen if processors == 2]
     assert len(of_two) <= 8
@@ -490,7 +494,7 @@ def test_unsteady_neighbourhood_is_unknown(tmp_path: Path) -> None:
     (told,) = [finding for finding in found if finding.code == "RARMS267"]
     assert f"coi: {end.reserve} % of its VPs is enough" in told.detail
     assert f"coi at {end.inconclusive[-1]} % of its VPs: its response times still changed within" in told.detail
-    assert str(told.advice) == "Look for what grows in coi while it runs. Or leave it."
+    assert str(told.advice) == "Check coi for a growing queue. It is safe to ignore this."
 
 
 def test_first_quick_jobs_are_not_believed(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from rarms_iac.measuring.partitions import (
     MeasuringResources,
     highest_reserve,
     host_resources,
-    load_shape,
+    load_shapes,
     load_share,
     memory_for_load,
     other_running_partitions,
@@ -68,7 +68,7 @@ def test_marked_test_partitions_run_during_context(tmp_path: Path) -> None:
     assert names(host) == []
 
 
-def test_they_go_when_the_work_fails(tmp_path: Path) -> None:
+def test_measuring_partitions_go_when_work_fails(tmp_path: Path) -> None:
     host = the_host(tmp_path)
     with pytest.raises(KeyboardInterrupt), running_test_partitions(host, "robot", SHAPES):
         raise KeyboardInterrupt
@@ -76,11 +76,11 @@ def test_they_go_when_the_work_fails(tmp_path: Path) -> None:
     assert names(host) == []
 
 
-def test_they_go_when_only_one_can_be_made(tmp_path: Path) -> None:
+def test_one_partition_goes_if_other_is_refused(tmp_path: Path) -> None:
     host = the_host(tmp_path)
     with (
         pytest.raises(HostRefused, match="needs"),
-        running_test_partitions(host, "robot", (SHAPES[0], load_shape(2, memory("4 GiB")))),
+        running_test_partitions(host, "robot", (SHAPES[0], *load_shapes(2, memory("4 GiB"), 1))),
     ):
         raise AssertionError("P2 has no room")
 

@@ -13,6 +13,10 @@ import jsonschema
 import pytest
 
 from rarms_iac import rcss
+from rarms_iac.app.manifests import load_manifest, start_warnings
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.model.setting import OutsideWork
+from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.storage.shipped import shipped
 from scripts.output_schema import output_schema
 from tests.contracts.benches import forget_host, groups_of, slice_of
@@ -32,6 +36,34 @@ while True:
     print(json.dumps({"ms": 2}), flush=True)
     time.sleep(0.001)
 """
+
+
+ROOT = """\
+schema: rarms/v1
+application: { name: robot }
+hosts: { onboard: { provider: linux, logical_processors: 2, memory: 1 GiB } }
+components:
+  ears: { criticality: 1, run: { command: ["true"] } }
+  eyes: { criticality: 1, run: { command: ["true"] } }
+  arm: { criticality: 1, run: { command: ["true"], user: robot } }
+  box: { criticality: 1, run: { container: { engine: podman, image: box } } }
+  old: { criticality: 1, run: { command: ["true"] } }
+policy: { accept: { RARMS441: { at: [component/old], reason: Known. } } }
+"""
+
+
+@pytest.mark.needs("linux")
+def test_one_warning_names_components_of_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rarms.yaml").write_text(ROOT, encoding="utf-8")
+    manifest = load_manifest(ManifestSource(manifest=str(tmp_path)))
+    components = [*manifest.system.components.values()]
+
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    (finding,) = start_warnings(manifest, components)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+
+    assert (finding.code, finding.values["components"]) == ("RARMS441", ("ears", "eyes"))
+    assert start_warnings(manifest, components) == ()
 
 
 def test_run_names_a_too_short_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,7 +108,7 @@ def test_samples_are_shown_and_what_they_come_to(tmp_path: Path) -> None:
     assert [line.split()[:2] for line in ran.lines[:3]] == [["vision", "1"], ["vision", "2"], ["vision", "3"]]
     assert ran.lines[0].endswith("response 2 ms")
     assert ran.lines[SAMPLES].startswith("vision: 60 samples in ")
-    assert ran.lines[SAMPLES + 2] == "  mean_response_time  2 ms (1.82 to 2.18 ms)  <= 5 ms    met here"
+    assert ran.lines[SAMPLES + 2] == "  mean_response_time  2 ms (1.82 to 2.18 ms)  <= 5 ms    met in this run"
 
 
 @same_everywhere
@@ -84,8 +116,33 @@ def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
     ran = rarms("run", "-f", manifest(tmp_path, "{ mean_response_time: { at_most: 0.5 ms } }", vision=QUICK))
 
     assert ran.code == 0
-    assert "missed here" in ran.out
+    assert "missed in this run" in ran.out
     assert "RARMS288" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("others", "load", "told"),
+    [
+        ((("make", 4000.0), ("rarms", 9000.0)), (), "Other programs used 4 s of processor time in the "),
+        ((("make", 1.0),), (), "On a computer that does nothing else, a reservation would not help."),
+        ((), ("--interference", "busy-loop"), "The load busy-loop ran meanwhile: a reservation may help."),
+    ],
+)
+def test_miss_on_busy_machine_advises_to_measure(
+    others: tuple[tuple[str, float], ...],
+    load: tuple[str, ...],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = tuple(OutsideWork(name=name, group="", cpu_ms=cpu_ms) for name, cpu_ms in others)
+    monkeypatch.setattr(WorkPlaces, "others", lambda *_: seen)
+    folder = manifest(tmp_path, "{ mean_response_time: { at_most: 0.5 ms } }", vision=QUICK)
+
+    text = " ".join(rarms("run", "-f", folder, *load).err.split())
+
+    assert told in text
+    assert ("Measure whether a reservation helps" in text) != ("would not help" in told)
 
 
 @same_everywhere
@@ -121,7 +178,7 @@ def test_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: str,
     assert ran.code == code
     assert shown in ran.out
     assert ("RARMS113" in ran.err) == bool(code)
-    assert "RARMS288" not in ran.err or not code, "no reserve would help a program that is not there"
+    assert "RARMS288" not in ran.err or not code, "no reserve would help a program that does not exist"
     assert "can't open file" in ran.err
 
 
@@ -129,11 +186,11 @@ def test_program_that_never_does_its_job_meets_nothing(tmp_path: Path, apt: str,
 @pytest.mark.parametrize(
     ("instead_of", "written", "message"),
     [
-        ("[python3,", "[no-such-program-anywhere,", 'no program "no-such-program-anywhere"'),
+        ("[python3,", "[no-such-program-anywhere,", 'the program "no-such-program-anywhere"'),
         (
             "until:",
             "environment: { A: { from_env: RARMS_NOT_SET } }\n      until:",
-            "Set RARMS_NOT_SET where rarms runs; on a Linux host over ssh, in /etc/rarms/environment.",
+            ("Set RARMS_NOT_SET in the environment of rarms; on a Linux host over ssh, in /etc/rarms/environment."),
         ),
     ],
 )
@@ -177,10 +234,10 @@ def test_run_may_last_time_against_load(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("visoin",), """The manifest has no component "visoin". Did you mean "vision"?"""),
-        (("--interference", "busy-lop"), 'The manifest has no interference "busy-lop".'),
-        (("--for", "5"), '"5" is not a time as 60s'),
-        (("--for", "0,5s"), "units: us, ms, s, min, h. The decimal sign is a point."),
+        (("visoin",), """The manifest does not have the component "visoin". Did you mean "vision"?"""),
+        (("--interference", "busy-lop"), 'The manifest does not have the interference "busy-lop".'),
+        (("--for", "5"), '"5" is not a time such as 60s. Units: us, ms, s, min, h.'),
+        (("--for", "0,5s"), "Units: us, ms, s, min, h. The decimal sign is a point."),
         (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
     ],
 )
@@ -300,7 +357,7 @@ def test_component_runs_in_its_partition_and_class(linux_folder: Path) -> None:
     after = rarms("run", "-f", str(linux_folder), "--samples", "2")
     inside = json.loads(seen.read_text(encoding="utf-8"))
 
-    assert "vision runs without a reservation, with everything else: onboard: no partition vision" in before.err
+    assert "vision runs without a reservation: onboard: the partition vision of robot is not running." in before.err
     assert after.err.startswith("vision runs in its partition vision on onboard (chrt --fifo 23).")
     assert slice_name not in outside[0]
     assert f"/{slice_name}/vision" in inside[0]
@@ -350,7 +407,7 @@ def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> Non
     def run_itself() -> subprocess.CompletedProcess[str]:
         words = [sys.executable, "-m", "rarms_iac.cli.main", "run", "--exec", "vision", "-f", str(linux_folder)]
         greeting = {**os.environ, "GREETING": "good day"}
-        return subprocess.run(words, input="from outside", capture_output=True, text=True, env=greeting, timeout=60)
+        return subprocess.run(words, input="Another program", capture_output=True, text=True, env=greeting, timeout=60)
 
     exited = run_itself()
     file = linux_folder / "rarms.yaml"
@@ -358,7 +415,7 @@ def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> Non
     killed = run_itself()
 
     assert (exited.returncode, killed.returncode) == (7, -signal.SIGTERM), exited.stderr
-    assert exited.stdout.startswith("from outside good day ")
+    assert exited.stdout.startswith("Another program good day ")
     assert f"/{slice_of(linux_folder)}/vision" in exited.stdout
     assert exited.stderr == "vision runs in its partition vision on onboard.\nto standard error\n"
 

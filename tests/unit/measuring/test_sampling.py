@@ -45,7 +45,9 @@ def test_search_setting_has_thirty_load_starts(
         assert list(series.starts) == sorted(set(series.starts))
         assert 0 < series.starts[0] < series.starts[-1] < len(series.samples)
         assert max(sample.began_ms for sample in series.samples) < series.elapsed_ms
-        assert series.elapsed_ms == pytest.approx(50.0 * len(series.samples), rel=0.1), "what settles is no time of it"
+        assert series.elapsed_ms == pytest.approx(50.0 * len(series.samples), rel=0.1), (
+            "the time to settle is not part of it"
+        )
         assert setting.host_ms > series.elapsed_ms + 3000
 
 

@@ -8,10 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.hosts import load
 from rarms_iac.measuring import measure, session
+from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.stopping import starting_again
 from rarms_iac.model.operations import Operation, StopPartition
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import StoppedBy
+from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.providers.interface import HostFailed
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.robots import a_measured, a_robot_of
@@ -47,8 +51,8 @@ def test_stopped_partitions_run_again() -> None:
     ran = rarms(*SWEEP, "--stop-partitions")
 
     assert ran.code == 0, ran.err
-    assert "onboard: stopped speech and vision to measure. They start again afterwards." in ran.err
-    assert "onboard: started speech and vision again, which a measurement had stopped." in ran.err
+    assert "onboard: stopped speech and vision to measure. rarms starts them again afterwards." in ran.err
+    assert "onboard: started speech and vision again, stopped by a measurement." in ran.err
     assert machines() == RUNNING
     assert '"beside":[]' in Path("measurements/onboard/vision/busy-loop.jsonl").read_text(encoding="utf-8")
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
@@ -91,11 +95,11 @@ def test_what_is_recorded_already_stops_nothing() -> None:
 
 
 @pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("what\nyes\n", 0), ("n\n", 3), ("\n", 3), ("", 3)])
-def test_at_a_terminal_it_asks(answer: str, code: int) -> None:
+def test_terminal_is_asked_before_partitions_stop(answer: str, code: int) -> None:
     ran = rarms(*SWEEP, stdin=answer, at_a_terminal=True)
 
     assert ran.code == code, ran.err
-    question = "On onboard speech and vision run. Stop while it is measured, and start again afterwards?"
+    question = "On onboard speech and vision run. Stop while measuring, and start again afterwards?"
     assert question in " ".join(ran.err.split())
     assert machines() == RUNNING
 
@@ -132,7 +136,7 @@ def test_unstartable_partition_is_an_error() -> None:
     for_programs = rarms(*SWEEP, "--json")
 
     assert (ran.code, for_programs.code) == (1, 1), ran.err
-    assert "error[RARMS269] Partitions that were stopped to measure do not run again" in ran.err
+    assert "error[RARMS269] Partitions that were stopped to measure could not be started" in ran.err
     assert "could not be started: speech, vision." in " ".join(ran.err.split())
     assert "vision" in ran.out
     answer = json.loads(for_programs.out)
@@ -145,7 +149,29 @@ def test_unstartable_partition_is_told_with_the_failure() -> None:
 
     assert failed.code == 4, failed.err
     assert "error[RARMS115]" in failed.err
-    assert "error[RARMS269] Partitions that were stopped to measure do not run again" in failed.err
+    assert "error[RARMS269] Partitions that were stopped to measure could not be started" in failed.err
+
+
+def test_unreachable_host_keeps_no_other_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as kill:
+        kill.setattr(measure, "starting_again", _killed)
+        assert rarms(*SWEEP, "--stop-partitions").code == 0
+    assert machines() == STOPPED
+    hosts = load("rarms.yaml")
+    onboard, gone = (hosts.open_to_measure("onboard") for _ in range(2))
+    assert onboard is not None
+    assert gone is not None
+    monkeypatch.setattr(gone, "observe", unreachable)
+
+    with starting_again(MeasuringSession(hosts=hosts, held_hosts={"gone": gone, "onboard": onboard})) as errors:
+        pass
+
+    assert [(error.code, error.detail) for error in errors] == [("RARMS189", "gone: no route.")]
+    assert machines() == RUNNING
+
+
+def unreachable() -> State:
+    raise HostFailed("gone", "no route", "Look at its cable.")
 
 
 def test_what_the_user_stopped_stays_stopped() -> None:
@@ -187,7 +213,7 @@ def test_nothing_stops_without_room_to_return() -> None:
     assert "error[RARMS115]" in refused.err
     assert "could not be started again after measuring: speech, vision." in " ".join(refused.err.split())
     assert machines() == RUNNING
-    assert "`rarms plan` shows what is too much." in refused.err
+    assert "`rarms plan` shows the cause." in refused.err
     assert "keep_for_host" in rarms("plan").err
 
 
@@ -215,7 +241,7 @@ def test_run_killed_meanwhile_is_not_measured_over(monkeypatch: pytest.MonkeyPat
     assert machines() == RUNNING
 
 
-def test_kill_before_the_stop_is_no_change_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kill_before_stop_is_no_foreign_change(monkeypatch: pytest.MonkeyPatch) -> None:
     def killed_at_a_stop(host: SimulatedHostProvider, operation: Operation, scope: Scope) -> None:
         if isinstance(operation, StopPartition):
             raise KeyboardInterrupt

@@ -79,7 +79,7 @@ def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
         yield tmp_path / "robot"
 
 
-def test_it_does_not_fit_is_tuned_and_fits(tmp_path: Path) -> None:
+def test_manifest_that_does_not_fit_is_tuned(tmp_path: Path) -> None:
     """With the scheduler: in the fluid model a compound needs exactly what its neediest part does."""
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     leave_logs(tmp_path, {"vision": 50, "paths": 32, "video": 28})
@@ -109,7 +109,7 @@ def test_it_does_not_fit_is_tuned_and_fits(tmp_path: Path) -> None:
     assert len(trail) == len(found["trail"])
     assert "No other layout of these components is better by `policy.minimise`" in " ".join(tuned.out.split())
     assert "?" not in tuned.err, "nothing that looks like a question is told where no user is asked"
-    assert "paths+video at " in declined.err
+    assert "paths+video  " in declined.err
     second = json.loads(again.out)["run"]
     assert second["ending"] == "nothing_to_do"
     assert {part["parts_lp"] for part in second["partitions"]} == {None}, "this run combined nothing"
@@ -164,7 +164,7 @@ def test_unasked_log_may_void_the_proof(here: Path) -> None:
     ran = rarms("tune", "--samples", "60", "--dry-run")
 
     assert ran.code == 0
-    assert "paths+vision at 5 % of its VPs: all met" in ran.err
+    assert re.search(r"^\[\d+\] paths\+vision  0\.\d+ LP  met", ran.err, re.MULTILINE), ran.err
     assert "RARMS306" in ran.err
     assert "No other layout" not in ran.out
 
@@ -191,7 +191,7 @@ def test_where_nothing_may_be_combined_answer_is_no(here: Path) -> None:
         (values,) = [finding["values"] for finding in found if finding["code"] == "RARMS305"]
         assert ran.code == 4
         assert "RARMS305" in ran.err
-        assert values["relaxed_components"] == ["paths", "vision"], "each has a level with which all fits"
+        assert {"paths", "vision"} <= set(values["relaxed_components"]), "each has a level with which all fits"
         for component, level in zip(values["relaxed_components"], values["relaxed_levels"], strict=True):
             assert f"{component}: mean_response_time at most {level} instead of " in ran.err
         assert "Or lift `dedicated` and tune again." in ran.err
@@ -229,7 +229,7 @@ def test_untried_pairs_are_a_way_out(tmp_path: Path) -> None:
 
     said = " ".join(ran.err.split())
     assert ran.code == 4
-    assert "Combining may be enough, and `rarms tune` measures it: paths and vision reserve 1.7 LP" in said
+    assert "Combining components may be enough. Check with `rarms tune`: paths and vision reserve 1.7 LP" in said
 
 
 def test_untuned_reservations_count(tmp_path: Path) -> None:
@@ -240,7 +240,7 @@ def test_untuned_reservations_count(tmp_path: Path) -> None:
         ran = rarms("tune")
 
     amount = "1.2 LP are reserved, 1.2 LP of it by partitions that are not tuned; the capacity is 2 LP."
-    assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount}\n")
+    assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount} Next: `rarms plan`\n")
 
 
 def test_fixed_reserves_may_be_measured_instead(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_fixed_reserves_may_be_measured_instead(tmp_path: Path) -> None:
 
     said = " ".join(ran.err.split())
     assert (ran.code, "error[RARMS305]" in said) == (4, True)
-    assert "The manifest fixes all reserves, they do not fit, and nothing can be combined." in said
+    assert "The manifest fixes all reserves. They do not fit, and no components can be combined." in said
     assert "- video reserves 20 % of host instead of 40 % of host" in said
     assert "Or have a reserve measured: `cpu: { reserve: measured }`." in said
 
@@ -337,7 +337,7 @@ def test_session_asks_once_before_stopping(
 
     said = " ".join(ran.err.split())
     assert ran.code == 0, ran.err
-    assert said.count("Stop while it is measured, and start again afterwards?") == 1
+    assert said.count("Stop while measuring, and start again afterwards?") == 1
     assert "Combine components? [y/N/?/q]" in said
     assert "Write these partitions into the manifest? [y/N/?/q]" in said
     assert "partitions:" in (applied / "rarms.yaml").read_text(encoding="utf-8")

@@ -161,7 +161,7 @@ def test_contradicting_setting_proves_nothing(tmp_path: Path) -> None:
     ]
     assert not end.proved
     assert len(contradictions) == 1
-    assert "So nothing is proved" in contradictions[0].detail
+    assert "The layout is valid" in contradictions[0].detail
 
 
 class Never:
@@ -195,7 +195,7 @@ def test_platforms_are_tuned_by_named_commands(here: Path) -> None:
 
     assert (refused.code, "error[RARMS309]" in refused.err) == (4, True)
     advice = " ".join(refused.err.split())
-    assert "Tune one after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
+    assert "Tune one platform after the other: `rarms tune --host workshop`, `rarms tune --host onboard`." in advice
 
 
 TWO_HOSTS = """\
@@ -227,7 +227,7 @@ def test_tuning_a_host_counts_what_can_be_there(tmp_path: Path) -> None:
     assert over.code == 4
     assert (subject.capacity, subject.fixed, sum(coi.cost for coi in subject.cois)) == (50, 0, 54)
     assert fits.code == 0, fits.err
-    assert fits.out.endswith("a: nothing to do, 0.45 LP are reserved; the capacity is 0.5 LP.\n")
+    assert "\na: nothing to do, 0.45 LP are reserved; the capacity is 0.5 LP. Next: `rarms plan`\n" in fits.out
 
 
 def test_full_other_host_does_not_prevent_tuning(tmp_path: Path) -> None:
@@ -240,13 +240,13 @@ def test_full_other_host_does_not_prevent_tuning(tmp_path: Path) -> None:
         plan = rarms("plan")
 
     assert (measured.capacity, measured.fixed, sum(coi.cost for coi in measured.cois)) == (50, 0, 54)
-    assert (fits.code, "a: successful, 0.54 LP became" in fits.out) == (0, True), fits.out
+    assert (fits.code, "Tuned a: 0.54 LP became 0.29 LP, of 0.5 LP." in fits.out) == (0, True), fits.out
     assert (plan.code, "r 1.3 LP and s 0.8 LP need 2.1 LP; b has 2 LP" in " ".join(plan.err.split())) == (4, True), (
         plan.err
     )
 
 
-def test_log_for_full_host_counts_there(tmp_path: Path) -> None:
+def test_component_measured_for_full_host_counts_there(tmp_path: Path) -> None:
     """Component q names no hosts: only its data log binds it to a."""
     with chdir(tmp_path):
         on_two_hosts(tmp_path, p=55, q=25, r=65)
@@ -259,7 +259,7 @@ def test_log_for_full_host_counts_there(tmp_path: Path) -> None:
     assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 0.8, "b": 1.3}
 
 
-def test_who_has_choice_counts_where_there_is_room(tmp_path: Path) -> None:
+def test_component_with_choice_counts_where_room_is(tmp_path: Path) -> None:
     with chdir(tmp_path):
         write(
             TWO_HOSTS.replace("memory: 4 GiB", "memory: 4 GiB, platform: alike").replace(

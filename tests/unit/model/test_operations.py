@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rarms_iac.model.facets import Facet, setting_values
-from rarms_iac.model.operation_effects import applied, partition_after, reversal, reverse
+from rarms_iac.model.operation_effects import applied, partition_after, reverse
 from rarms_iac.model.operations import (
     EraseMark,
     MachineOperation,
@@ -23,6 +23,7 @@ from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Checkpoints, Mark, PartitionSettings, RunState, StartAction, StopAction, StoppedBy
 from rarms_iac.powershell.render import render_scripts
 from rarms_iac.storage.codec import NotDecodable, decode
+from rarms_iac.texts.plans import reversal_title
 from tests import builders_plan as build
 from tests.unit.powershell.plans import marked, rendered_plan
 
@@ -132,7 +133,7 @@ def steps_for(new: PartitionSettings) -> tuple[list[Step], list[Step]]:
     """The steps that set this, but for the mark, and those that take them back."""
     host_plan, _ = rendered_plan([build.update(build.partition(BEFORE), marked(build.partition(new)))])
     steps = [step for step in host_plan.steps if "mark" not in step.after]
-    return steps, [reversal(step, host_plan.changes_by_address) for step in reversed(steps)]
+    return steps, [step.reversed(reversal_title(step, host_plan.changes_by_address)) for step in reversed(steps)]
 
 
 @pytest.mark.parametrize("setting", CHANGED)
@@ -150,7 +151,7 @@ def test_dynamic_memory_is_named_again() -> None:
     (step, *_) = host_plan.steps
 
     assert step.title == "dynamic memory yes -> no"
-    assert reversal(step, host_plan.changes_by_address).title == "dynamic memory no -> yes"
+    assert reversal_title(step, host_plan.changes_by_address) == "dynamic memory no -> yes"
 
 
 def test_undo_script_has_reserve_in_both_units() -> None:

@@ -43,7 +43,7 @@ def test_by_criticality_more_critical_has_larger_part() -> None:
         "speech": (100, 1000),
         "logging": (100, 100),
     }
-    assert found["vision"].why_limit == "left open: a cap would falsify what was measured"
+    assert found["vision"].why_limit == "left open: a limit would make its measurements invalid"
     assert "100 times the criticality 30" in found["vision"].why_weight
 
 
@@ -86,7 +86,7 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
     for policy in Headroom:
         found = partitions_of(system, policy)["speech"]
         assert (found.settings.limit, found.settings.weight) == (80, 50)
-        assert found.why_weight == "the manifest fixes it for speech"
+        assert found.why_weight == "fixed in the manifest for speech"
 
 
 def test_a_new_component_moves_no_other_weight() -> None:
@@ -138,7 +138,7 @@ def test_linux_share_caps_nothing() -> None:
     settings = found.settings
     assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, 0, 0)
     assert found.why_weight == "Linux shares what is not reserved in proportion to the reservations"
-    assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
+    assert found.mechanism == "kept as a share, so that idle processors are used (chosen by rarms)"
 
 
 def test_quota_limits_within_the_threshold() -> None:
@@ -146,7 +146,7 @@ def test_quota_limits_within_the_threshold() -> None:
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 35, 8_800)
     assert "the mechanism is quota" in found.why_limit
-    assert found.mechanism.endswith("(the manifest says so)")
+    assert found.mechanism.endswith("(set in the manifest)")
 
 
 def test_fewer_processors_are_a_linux_quota() -> None:
@@ -174,19 +174,21 @@ def test_deadline_gives_one_thread_everything() -> None:
 @pytest.mark.parametrize(
     ("components", "together", "percent", "message"),
     [
-        ([VISION, SPEECH], ("vision", "speech"), None, "both has 2 components, and a deadline is of one thread."),
+        ([VISION, SPEECH], ("vision", "speech"), None, "both has 2 components, but a deadline applies to one thread."),
         (
             [a_component("vision", task="MotionControl")],
             (),
             None,
-            "vision has a task class, and a thread has either a deadline or a priority.",
+            "vision has a task class, but a thread has either a deadline or a priority.",
         ),
         (
             [VISION, SPEECH],
             (),
             0,
-            "The control groups of onboard hold only some of its 2 processors. "
-            "The kernel refuses SCHED_DEADLINE to a thread that may not run on all of them.",
+            (
+                "The control groups of onboard have only some of its 2 processors. The kernel refuses "
+                "SCHED_DEADLINE to a thread that may not run on all of them."
+            ),
         ),
         (
             [VISION, SPEECH],

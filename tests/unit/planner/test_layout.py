@@ -134,7 +134,7 @@ def test_kept_and_foreign_capacity_is_not_promised() -> None:
 
     found = planned(system, with_stranger(holder))
     assert codes(found.findings) == ["RARMS014"]
-    free = 'Of its 2 LP, 0.2 LP are kept for the host. Unmanaged machines hold 0.8 LP: "stranger" 0.8 LP.'
+    free = 'Of its 2 LP, 0.2 LP are kept for the host. Unmanaged machines reserve 0.8 LP: "stranger" 0.8 LP.'
     assert free in found.findings[0].detail
     asleep = replace(holder, settings=replace(holder.settings, running=False), state=RunState.OFF)
     assert layout(system, with_stranger(asleep)).partitions
@@ -430,8 +430,7 @@ def test_bursts_note_neighbours_of_a_tail() -> None:
 
     assert severity == "note"
     assert detail == (
-        "p95_response_time of vision depends on its neighbours: what 1 other partition on onboard does within 100 ms "
-        "decides it."
+        "p95_response_time of vision depends on the 1 other partition on onboard: their work within 100 ms changes it."
     )
 
 

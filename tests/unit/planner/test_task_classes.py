@@ -96,7 +96,7 @@ def test_open_below_low_goes_into_low() -> None:
     assert threads(found) == {"Localization": 18, "MotionControl": 15, "SpeechRecognition": 13}
     assert codes(found.findings) == ["RARMS129"]
     assert found.findings[0].address == "partition/media/task/MotionControl"
-    assert "MotionControl goes first, and so does SpeechRecognition." in found.findings[0].detail
+    assert "MMCSS lowers it and MotionControl, SpeechRecognition run first." in found.findings[0].detail
 
 
 def test_two_fixed_in_high_are_equal() -> None:
@@ -163,7 +163,7 @@ Values = tuple[TaskCategory, int]
 
 
 def values(request: TaskRequest) -> list[Values]:
-    """Everything that the manifest leaves open, tried: in Medium 8 is no more than 7 (none was seen above 23)."""
+    """Everything that the manifest leaves open, tried: in Medium 8 is not more than 7 (none was seen above 23)."""
     every = product(TaskCategory, range(1, 9), range(1, 9))
     possible = {
         (category, {HIGH: 26, MEDIUM: min(16 + priority, 23), LOW: 7 + background}[category])

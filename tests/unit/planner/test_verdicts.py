@@ -96,11 +96,11 @@ def test_missing_log_says_known_numbers() -> None:
 
     assert answer.why.code == "RARMS100"
     assert (
-        "vision needs 1.2 LP with busy-loop, and is not measured with bursts-20 and bursts-100 yet" in answer.why.detail
+        "vision needs 1.2 LP with busy-loop and is not measured with bursts-20 and bursts-100 yet" in answer.why.detail
     )
     assert "`policy.interference`" in answer.why.detail
     assert str(answer.why.advice) == (
-        "Measure the other loads: `rarms measure vision`. Or reserve at least that for now: `cpu: { reserve: 1.2 LP }`."
+        "Measure the other loads: `rarms measure vision`. Or fix at least this for now: `cpu: { reserve: 1.2 LP }`."
     )
 
 
@@ -207,8 +207,12 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
     [
         ({50: 300, 100: 150}, "not even with all of its VPs", False),
         ({50: 300, 80: 150}, "the highest is 80 %", True),
-        ({50: 300, 100: 100}, "at 100 % of its VPs it is not shown yet whether mean_response_time of vision", True),
-        ({}, "has no setting with 2 virtual processors yet", True),
+        (
+            {50: 300, 100: 100},
+            "at 100 % of its VPs the samples do not show yet whether mean_response_time of vision",
+            True,
+        ),
+        ({}, "does not have a setting with 2 virtual processors yet", True),
     ],
 )
 def test_where_no_setting_meets_apt_answer_is_no(means: dict[int, float], message: str, measures_on: bool) -> None:

@@ -2,14 +2,14 @@
 
 import hashlib
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from tree_sitter import Node
 
 from rarms_iac.model.changes import Change
 from rarms_iac.model.names import BETWEEN
-from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.plan import HostPlan, HostSteps, Plan, RunIdentity
 from rarms_iac.powershell.comparison import Detail, ScriptDifference, ScriptSteps, compare_steps
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_scripts, script_name, script_steps
@@ -64,6 +64,14 @@ def test_one_script_and_undo_per_system() -> None:
     assert scripts == render_scripts(*rendered_plan())  # the same input, the same bytes
 
 
+def test_scripts_need_no_plan() -> None:
+    part, plan = rendered_plan()
+    on = HostSteps(**{each.name: getattr(part, each.name) for each in fields(HostSteps)})
+    run = RunIdentity(**{each.name: getattr(plan, each.name) for each in fields(RunIdentity)})
+
+    assert render_scripts(on, run) == render_scripts(part, plan)
+
+
 def test_a_script_knows_its_undo_by_its_bytes() -> None:
     on, plan = rendered_plan()
     scripts = render_scripts(on, plan)
@@ -75,6 +83,7 @@ def test_a_script_knows_its_undo_by_its_bytes() -> None:
 
 
 def test_both_forms_share_head_plan_and_end() -> None:
+    # A file that holds the module says in its head, too, why the functions do not ask.
     on, plan = rendered_plan()
     texts = {
         form: {name: text.decode("ascii") for name, text in render_scripts(on, plan, form=form).items()}
@@ -83,7 +92,7 @@ def test_both_forms_share_head_plan_and_end() -> None:
 
     for name in texts[ScriptForm.MODULE]:
         module, single = (re.sub("[0-9a-f]{64}", "", texts[form][name]) for form in ScriptForm)
-        cut = r"(?ms)^#region The module.*?^#endregion"
+        cut = r"(?ms)^#region The module.*?^#endregion|^\[Diagnostics.CodeAnalysis.*?\)\]\r\n"
         assert re.sub(cut, "", module) == re.sub(cut, "", single)
         assert module != single
 
@@ -197,8 +206,8 @@ def test_table_without_banner_says_its_steps() -> None:
         )
         return list(plan_lines(blocks))
 
-    assert lines(*["stop it"] * 6)[0].startswith("    # === part-0 and 5 more alike: stop it =")
-    assert lines(*map(str, range(6)))[0].startswith("    # === part-0 and 5 more alike: as each row says =")
+    assert lines(*["stop it"] * 6)[0].startswith("    # === part-0 and 5 more: stop it =")
+    assert lines(*map(str, range(6)))[0].startswith("    # === part-0 and 5 more: with the values of each row =")
 
 
 RISK = "    2 machines added, 3 changed, 2 stopped, 1 removed; nothing deleted; task classes: 2 changed, 0 removed.\r\n"
@@ -234,7 +243,7 @@ def test_undo_says_machine_is_not_made_again() -> None:
     )
 
     assert there == back
-    assert any("the machine is not made again" in line for line in there)
+    assert any("the machine cannot be created again" in line for line in there)
 
 
 def test_everything_is_counted_and_undo_counts_other_way() -> None:
@@ -246,8 +255,8 @@ def test_guests_script_counts_task_classes_and_no_machines() -> None:
     head = SCRIPTS["onboard.guest.speech.ps1"].partition(".PARAMETER")[0]
 
     assert "    task classes: 1 changed, 0 removed; no machine is stopped or changed.\r\n" in head
-    assert "    speech/task/SpeechRecognition  record that it is ours" in head
-    assert "    Time: some seconds a call. It waits for no guest.\r\n" in head
+    assert "    speech/task/SpeechRecognition  record it as managed" in head
+    assert "    Time: a few seconds for each call. It waits for no guest.\r\n" in head
 
 
 def test_head_says_waits_and_downtime() -> None:
@@ -256,12 +265,12 @@ def test_head_says_waits_and_downtime() -> None:
 
     assert offs == {
         "name": "off",
-        "former": "for good, after 120 s at most",
-        "speech": "until it has started, 120 s at most to stop",
+        "former": "for good, after at most 120 s",
+        "speech": "until it has started, at most 120 s to stop",
     }
     (waits,) = (line for (line, *_) in head if line.startswith("Time: "))
-    assert "It waits 240 s at most while guests stop" in waits
-    (at_the_end,) = re.findall(r"(\d+) s at most at the end", waits)
+    assert "It waits at most 240 s while guests stop" in waits
+    (at_the_end,) = re.findall(r"at most (\d+) s at the end", waits)
     assert f"$settled = [DateTime]::UtcNow.AddMilliseconds({at_the_end}000)" in shipped_module()["Rarms.psm1"]
 
 
@@ -270,7 +279,7 @@ def test_undo_starts_only_removed_machines_that_ran() -> None:
     rows = [line.strip() for line in undo.partition(".PARAMETER")[0].split("\r\n")]
 
     assert [row.partition("  ")[2].strip() for row in rows if row.startswith("former ")] == [
-        "started, if the run ended before it was removed"
+        "started, if the run ended before the machine was removed"
     ]
     assert not any(f"{name} = " in undo for name in HOST_FACT_NAMES)
 
@@ -281,14 +290,14 @@ def test_unrestorable_parts_are_said_by_machine() -> None:
         line for line in render_scripts(*rendered_plan(removals))["onboard.ps1"].split(b"\r\n") if b"Not un" in line
     )
 
-    assert lost.strip() == b"Not undone: part-2, part-10: the machine is not made again"
+    assert lost.strip() == b"Not undone: part-2, part-10: the machine cannot be created again"
 
 
 def test_new_machine_is_a_table_line() -> None:
     head = SCRIPTS["onboard.ps1"].partition("#>")[0].split("\r\n")
     titles = next(at for at, line in enumerate(head) if line.startswith("    machine "))
 
-    names = ["machine", "processors", "reserve", "memory", "disk", "switch", "secure boot", "start"]
+    names = ["machine", "processors", "reserve", "weight", "memory", "disk", "switch", "secure boot", "start"]
     assert re.split("  +", head[titles].strip()) == names
     rows = [re.split("  +", line.strip()) for line in head[titles + 1 : titles + 3]]
     assert [len(row) for row in rows] == [len(names)] * 2

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.journal import RunStarted
-from rarms_iac.model.operations import RemovePartition
+from rarms_iac.model.journal import RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.operations import RemovePartition, set_to
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.version import __version__
@@ -56,6 +56,44 @@ def test_journal_with_impossible_name_is_damaged(step: Step) -> None:
         journal_in(journal_of(forged), Path("journal.jsonl"))
 
 
+OUT_OF_RANGE = [
+    ("processors", 0),
+    ("processors", 2049),
+    ("reserve", -1),
+    ("reserve", 101),
+    ("limit", 101),
+    ("weight", 10_001),
+    ("quota_period_us", -1),
+    ("memory", -1),
+]
+
+
+@pytest.mark.parametrize("part", ["operation", "undo", "before", "after"])
+@pytest.mark.parametrize(("setting", "value"), OUT_OF_RANGE)
+def test_journal_with_impossible_setting_is_damaged(part: str, setting: str, value: int) -> None:
+    values: dict[str, Any] = {setting: value}
+    step, operation = a_step(0), set_to("vision", **values)
+    changes: dict[str, dict[str, Any]] = {
+        "operation": {"operation": operation},
+        "undo": {"undo": replace(step.undo, operation=replace(operation, before=values, after={}))},
+        "before": {"before": values},
+        "after": {"after": values},
+    }
+    forged = replace(RUN, steps=(replace(step, **changes[part]),))
+
+    with pytest.raises(NotDecodable, match=f"{setting}: {value} is not between"):
+        journal_in(journal_of(forged), Path("journal.jsonl"))
+
+
+@pytest.mark.parametrize("number", [3, 2**40])
+def test_journal_with_step_beyond_run_is_damaged(number: int) -> None:
+    record = encode(StepRecorded(number=number, status=StepStatus.CHANGED))
+    assert isinstance(record, dict)
+
+    with pytest.raises(NotDecodable, match=f"the run has no step {number}"):
+        journal_in(journal_of(RUN) + sealed_line(record), Path("journal.jsonl"))
+
+
 FIRST, SECOND = "aaaaaaaa-1111-4111-8111-111111111111", "bbbbbbbb-1111-4111-8111-111111111111"
 MARK = a_mark(FIRST, "robot", "vision", "0123456789ab")
 LINE = "rarms/1 robot/vision vm=aaaaaaaa set=0123456789ab"
@@ -89,17 +127,23 @@ def test_mark_taken_out_leaves_notes_as_they_were(notes: str) -> None:
     ("notes", "why"),
     [
         ("just words", ""),
-        (f"{LINE}\n{LINE}", "its notes hold 2 marks"),
-        ("rarms/1 robot/Vision vm=aaaaaaaa set=0123456789ab", "a line of its notes begins like a mark and is none"),
-        ("rarms/2 robot/vision vm=aaaaaaaa set=0123456789ab", "a line of its notes begins like a mark and is none"),
-        (f"{LINE} ", "a line of its notes begins like a mark and is none"),
+        (f"{LINE}\n{LINE}", "its notes have 2 marks"),
+        (
+            "rarms/1 robot/Vision vm=aaaaaaaa set=0123456789ab",
+            "a line of its notes begins like a mark but is not valid",
+        ),
+        (
+            "rarms/2 robot/vision vm=aaaaaaaa set=0123456789ab",
+            "a line of its notes begins like a mark but is not valid",
+        ),
+        (f"{LINE} ", "a line of its notes begins like a mark but is not valid"),
         (
             "rarms/1 robot/vision vm=bbbbbbbb set=0123456789ab",
             "its mark names another machine (bbbbbbbb): the machine was copied or imported",
         ),
     ],
 )
-def test_what_does_not_count_is_said(notes: str, why: str) -> None:
+def test_note_that_is_no_mark_says_why(notes: str, why: str) -> None:
     judged = marked({FIRST: notes})[FIRST]
 
     assert (judged.mark, judged.foreign_mark) == (None, why)
@@ -117,7 +161,7 @@ def test_a_partition_on_two_machines_is_on_none() -> None:
     twice = marked({FIRST: LINE, SECOND: write_mark("", a_mark(SECOND, "robot", "vision", "0" * 12))})
 
     assert [reading.mark for reading in twice.values()] == [None, None]
-    assert {reading.foreign_mark for reading in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
+    assert {reading.foreign_mark for reading in twice.values()} == {"2 machines have the mark of robot/vision"}
 
 
 def test_the_users_lines_are_kept_apart() -> None:
@@ -147,15 +191,15 @@ def saying(*lines: str) -> str:
     [
         (saying("Welcome!", "Last login: today"), "rarms does not start on cell"),
         (saying("Welcome!", READY), "the connection to cell broke"),
-        (saying(READY, "Segmentation fault"), "not of rarms"),
-        (saying(READY, "[" * 100_000), "not of rarms"),
-        (saying(READY, '["result"]'), "not of rarms"),
-        (saying(READY, '{"kind":"call","target":"steps","method":"__init__","arguments":[]}'), "not of rarms"),
-        (saying(READY, '{"kind":"call","target":7,"method":"x","arguments":[]}'), "not of rarms"),
-        (saying(READY, '{"kind":"failure","outcome":"failed"}'), "not of rarms"),
-        (saying(READY, '{"kind":"failure","outcome":"perfect","findings":[]}'), "not of rarms"),
-        (f"import sys; print({READY!r}); sys.stdout.buffer.write(bytes(2 ** 26 + 9))", "not of rarms"),
-        ("while True: print('noise')", "did not start what it was asked for"),
+        (saying(READY, "Segmentation fault"), "not from rarms"),
+        (saying(READY, "[" * 100_000), "not from rarms"),
+        (saying(READY, '["result"]'), "not from rarms"),
+        (saying(READY, '{"kind":"call","target":"steps","method":"__init__","arguments":[]}'), "not from rarms"),
+        (saying(READY, '{"kind":"call","target":7,"method":"x","arguments":[]}'), "not from rarms"),
+        (saying(READY, '{"kind":"failure","outcome":"failed"}'), "not from rarms"),
+        (saying(READY, '{"kind":"failure","outcome":"perfect","findings":[]}'), "not from rarms"),
+        (f"import sys; print({READY!r}); sys.stdout.buffer.write(bytes(2 ** 26 + 9))", "not from rarms"),
+        ("while True: print('noise')", "did not start the command"),
         ("import sys; sys.exit('rarms: not found')", "rarms: not found"),
     ],
     ids=["login", "cut", "text", "deep", "list", "method", "kinds", "no-findings", "outcome", "64MiB", "noise", "code"],

@@ -80,7 +80,7 @@ def test_code_that_others_can_write_is_refused(folder_of_root: Path) -> None:
         os.chown(path, owner, owner)
         with pytest.raises(UseCaseError) as raised:
             refuse_writable_code(link / "rarms_iac", ())
-        assert f"others than root may write to {path}" in str(raised.value.findings[0].detail)
+        assert f"users other than root may write to {path}" in str(raised.value.findings[0].detail)
         path.chmod(before)
         os.chown(path, 0, 0)
 
@@ -95,7 +95,7 @@ def test_a_side_that_is_gone_stops_the_command(
     reading, writing = os.pipe()
     caller = Caller(lambda _answer: None, Interrupts(), listens=True, answers=SimpleQueue())
     with os.fdopen(reading, "rb") as lines:
-        listener = Thread(target=listen, args=(lines, caller, ended, 60.0 if says == b"here\n" else 0.2))
+        listener = Thread(target=listen, args=(lines, caller, ended, 0.2 if says is None else 600.0))
         listener.start()
         if says is not None:
             os.write(writing, says)

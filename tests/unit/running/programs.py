@@ -22,7 +22,7 @@ from rarms_iac.model.run import (
 )
 from rarms_iac.model.series import Sample
 from rarms_iac.running.component import ComponentRun
-from rarms_iac.running.start import StartContext
+from rarms_iac.running.orders import StartContext
 
 PER_RUN = Samples(source="per_run")
 JSON_LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
@@ -49,7 +49,7 @@ def a_run(
     environment: Mapping[str, str | FromEnvironment] | None = None,
     folder: str = ".",
 ) -> Run:
-    """A `run`: Python text, words or a function; `until` is a count, or milliseconds where it is no whole number."""
+    """A `run`: Python text, words or a function; `until` is a count, or milliseconds where it is not a whole number."""
     call, words = (f"{program.module}:{program.function}", ()) if isinstance(program, Call) else ("", program)
     return Run(
         command=(sys.executable, "-S", "-c", HEARD + words) if isinstance(words, str) else words,

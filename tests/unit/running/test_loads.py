@@ -14,8 +14,8 @@ from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Stress
 from rarms_iac.model.quantities import Percent
 from rarms_iac.running.component import run_in_parallel
 from rarms_iac.running.loads import BROWSERS, STREAMS, InterferingLoad, LoadEnded, load_words
+from rarms_iac.running.orders import CannotStart, StartContext
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.running.start import CannotStart, StartContext
 from tests.effort import LONG
 from tests.unit.running.programs import a_run, component, ms, same_everywhere
 
@@ -63,7 +63,7 @@ def test_bursts_without_duty_take_what_their_partition_reserves(tmp_path: Path) 
     frames = Bursts(every=ms(50))
 
     assert load_words("frames", frames, tmp_path, 3, 40.0)[-3:] == ("3", "20000000", "30000000")
-    with pytest.raises(CannotStart, match="name one with a `duty`"):
+    with pytest.raises(CannotStart, match="give the load a `duty`"):
         load_words("frames", frames, tmp_path, 3, None)
 
 
@@ -153,7 +153,7 @@ def test_a_stressor_that_is_not_known_is_told(tmp_path: Path) -> None:
 def test_without_stress_ng_the_load_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
 
-    with pytest.raises(CannotStart, match="there is no stress-ng on the PATH"):
+    with pytest.raises(CannotStart, match="stress-ng was not found on the PATH"):
         load_words("stress", Stress(stressor="timer"), tmp_path, 2, None)
 
 

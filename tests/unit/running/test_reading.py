@@ -11,8 +11,9 @@ import pytest
 
 from rarms_iac.model.run import Field, FromEnvironment, Samples, TimeField
 from rarms_iac.running.component import ComponentRun
+from rarms_iac.running.orders import StartContext
 from rarms_iac.running.reading import Reading, Unreadable, line_reader
-from rarms_iac.running.start import StartContext, hide_secrets
+from rarms_iac.running.secrets import hide_secrets
 from tests.unit.running.programs import a_run
 
 JSON = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
@@ -216,7 +217,7 @@ AS_JSON = (json.dumps(SECRET)[1:-1], json.dumps(SECRET, ensure_ascii=False)[1:-1
 
 @pytest.mark.parametrize("form", [SECRET, *AS_JSON, repr(SECRET)[1:-1], ascii(SECRET)[1:-1], quote(SECRET)])
 def test_a_value_is_hidden_in_each_form(form: str) -> None:
-    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": SECRET})
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": SECRET}, {})
 
     assert hide(f"login {form} failed") == "login <MINE> failed"
 
@@ -226,7 +227,7 @@ def test_a_value_is_hidden_in_each_form(form: str) -> None:
 @pytest.mark.parametrize("before", ["", "u", "me", "user:"])
 def test_base64_of_a_value_is_hidden(before: str, after: str, encode: Callable[[bytes], bytes]) -> None:
     value = "s3cr3t>?value~~"
-    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value})
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value}, {})
 
     text = encode(f"{before}{value}{after}".encode()).decode()
 
@@ -238,7 +239,7 @@ def test_base64_of_a_value_is_hidden(before: str, after: str, encode: Callable[[
 
 def test_base64_of_long_value_is_hidden_in_lines() -> None:
     value = "".join(map(chr, range(33, 120)))
-    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value})
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": value}, {})
 
     lines = encodebytes(value.encode()).decode().splitlines()
 
@@ -257,13 +258,13 @@ def test_base64_of_long_value_is_hidden_in_lines() -> None:
 def test_what_cut_left_of_value_is_hidden(text: str, shown: str) -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")})
 
-    assert hide_secrets(run, {"MINE": "s3cr3t-value"})(text) == shown
+    assert hide_secrets(run, {"MINE": "s3cr3t-value"}, {})(text) == shown
 
 
 def test_a_line_of_a_value_is_hidden() -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")})
 
-    assert hide_secrets(run, {"MINE": "first-line\nsecond-line"})("read second-line;") == "read <MINE>;"
+    assert hide_secrets(run, {"MINE": "first-line\nsecond-line"}, {})("read second-line;") == "read <MINE>;"
 
 
 def test_value_in_long_line_is_in_no_reason(tmp_path: Path) -> None:
@@ -281,7 +282,7 @@ def test_value_in_long_line_is_in_no_reason(tmp_path: Path) -> None:
 def test_short_value_and_one_of_another_variable_stay() -> None:
     run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE"), "OTHER": "visible text"})
 
-    assert hide_secrets(run, {"MINE": "short"})("a short, visible text") == "a short, visible text"
+    assert hide_secrets(run, {"MINE": "short"}, {})("a short, visible text") == "a short, visible text"
 
 
 def test_printed_secrets_are_not_recorded(tmp_path: Path) -> None:

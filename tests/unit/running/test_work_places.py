@@ -1,6 +1,8 @@
 """Which processes worked outside of the components' groups: two looks at the machine, compared."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -17,17 +19,20 @@ def process(name: str, ticks: int, parent: int = 1, began: int = 1000, children:
 
 
 def outside(
-    monkeypatch: pytest.MonkeyPatch, before: Mapping[int, ProcessStat], after: Mapping[int, ProcessStat]
+    monkeypatch: pytest.MonkeyPatch,
+    before: Mapping[int, ProcessStat],
+    after: Mapping[int, ProcessStat],
+    place: ComponentPlace = EYES,
 ) -> list[tuple[str, float]]:
     """What worked outside in ten seconds, on a machine that had run for 20 s before."""
     looks = iter((before, after))
     monkeypatch.setattr(work_places, "look", lambda: next(looks))
     monkeypatch.setattr(work_places, "ticks_since_boot", lambda: 2000)
     monkeypatch.setattr(work_places, "in_ms", lambda ticks: ticks * 1000 / HZ)
-    monkeypatch.setattr(work_places, "kernel_text", lambda _file: "0::/\n")
+    monkeypatch.setattr(work_places, "kernel_text", lambda file: f"0::{'/box' if '51' in str(file) else '/'}\n")
     places = WorkPlaces()
-    places.look([EYES])
-    return [(work.name, work.cpu_ms) for work in places.outside([EYES], 10_000.0)]
+    places.look([place])
+    return [(work.name, work.cpu_ms) for work in places.outside([place], 10_000.0)]
 
 
 SUPERVISOR = {50: process("supervisor", 1, parent=40)}
@@ -54,9 +59,31 @@ def test_daemon_counts_with_more_than_its_usual_use(monkeypatch: pytest.MonkeyPa
 def test_others_matter_from_a_share_of_the_setting(
     monkeypatch: pytest.MonkeyPatch, own: int, others: int, found: list[tuple[str, float]]
 ) -> None:
-    after = {51: process("eyes", own, parent=50), 9: process("container", others, began=2100), **SUPERVISOR}
+    after = {52: process("eyes", own, parent=50), 9: process("container", others, began=2100), **SUPERVISOR}
 
     assert outside(monkeypatch, SUPERVISOR, after) == found
+
+
+def test_ros_master_is_not_work_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    after = {9: process("rosmaster", 100, began=2100), 10: process("rosout", 100, began=2100), **SUPERVISOR}
+
+    assert outside(monkeypatch, SUPERVISOR, after) == []
+
+
+def test_container_without_partition_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    after = {51: process("eyes", 200, parent=50), **SUPERVISOR}
+
+    assert outside(monkeypatch, SUPERVISOR, after) == [("eyes", 2000.0)]
+    assert outside(monkeypatch, SUPERVISOR, after, replace(EYES, has_own_group=True)) == []
+
+
+def test_client_of_a_service_has_not_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    after = {51: process("systemd-run", 9, parent=50), 52: process("eyes", 9, parent=50), **SUPERVISOR}
+    place = replace(EYES, groups=(Path("/nowhere"),), has_own_group=True)
+    monkeypatch.setattr(work_places, "_group_ms", lambda _group: None)
+
+    assert outside(monkeypatch, SUPERVISOR, after, place) == [("eyes", 90.0)]
+    assert len(outside(monkeypatch, SUPERVISOR, after, replace(place, has_own_group=False))) == 2
 
 
 def test_time_of_ended_children_counts_once() -> None:

@@ -100,7 +100,7 @@ def _blocks() -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("planted", "breach"),
     [
-        ('value = finding.message.removeprefix("it is held by ")', "this reads a sentence"),
+        ('value = finding.message.removeprefix("it is locked by ")', "this reads a sentence"),
         ('value = "rarms plan" in finding.advice', "this reads a sentence"),
         ("text = path.read_text()", "this opens a file"),
         ('file = path.open("rb")', "this opens a file"),

@@ -1,5 +1,6 @@
 """One holder at a time, in threads and processes, and none after its death."""
 
+import errno
 import hashlib
 import io
 import json
@@ -18,7 +19,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json, NotDecodable
 from rarms_iac.storage.disk import NotRegular, make_folder_for
 from rarms_iac.storage.json_text import parse_json
-from rarms_iac.storage.reading import TooLarge, read_file, read_input
+from rarms_iac.storage.reading import TooLarge, open_regular, read_file, read_input
 from rarms_iac.storage.records import Damaged, Record, first_in, iterate_log, last_in, records_in, sealed_line
 from rarms_iac.storage.shipped import NotShipped, shipped
 from rarms_iac.storage.writing import (
@@ -54,6 +55,27 @@ def start_holder(path: Path) -> "subprocess.Popen[str]":
 def kill(process: "subprocess.Popen[str]") -> None:
     process.kill()
     process.communicate()
+
+
+def test_file_that_is_read_can_be_removed(tmp_path: Path) -> None:
+    """Windows lets nobody remove or replace what a reader has open who does not say so."""
+    path, fresh = tmp_path / "journal", tmp_path / "fresh"
+    path.write_bytes(b"one")
+    fresh.write_bytes(b"two")
+
+    with open_regular(path) as file:
+        path.rename(tmp_path / "old")
+        fresh.rename(path)
+        (tmp_path / "old").unlink()
+        text = file.read()
+
+    assert (text, path.read_bytes()) == (b"one", b"two")
+
+
+@pytest.mark.parametrize("name", ["a\0b", "missing"])
+def test_name_that_no_file_has_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises((ValueError, FileNotFoundError)):
+        read_file(tmp_path / name, 100)
 
 
 def test_second_holder_is_told_who_first_is(tmp_path: Path) -> None:
@@ -230,13 +252,39 @@ def test_open_reader_delays_a_replace(tmp_path: Path) -> None:
 
 
 def test_replace_that_fails_leaves_nothing_beside_file(tmp_path: Path) -> None:
-    target = tmp_path / "state.json"
-    (target / "in the way").mkdir(parents=True)  # a folder cannot be replaced by a file
+    class FullDisk(disk.FileEffects):
+        def rename(self, source: Path, target: Path) -> None:
+            raise OSError(errno.ENOSPC, "no space left", str(target))
 
-    with pytest.raises(OSError):  # noqa: PT011  (which OSError it is, the system decides)
+    target = tmp_path / "state.json"
+    replace(target, b"old")
+
+    with disk.use(FullDisk()), pytest.raises(OSError, match="no space left"):
         replace(target, b"new")
 
-    assert [path.name for path in tmp_path.iterdir()] == ["state.json"]
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"state.json": b"old"}
+
+
+def test_folder_in_the_way_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "state.json" / "kept").mkdir(parents=True)
+
+    with pytest.raises(NotRegular, match="a folder"):
+        replace(tmp_path / "state.json", b"new")
+
+    assert [path.name for path in tmp_path.rglob("*")] == ["state.json", "kept"]
+
+
+@pytest.mark.parametrize("torn", [b"", b'{"b":'], ids=["whole", "torn"])
+def test_appended_record_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, torn: bytes) -> None:
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes(sealed_line({"a": 1}) + torn)
+    flushed: list[int] = []
+    monkeypatch.setattr("os.fsync", lambda descriptor: flushed.append(os.fstat(descriptor).st_size))
+
+    with disk.use(disk.FileEffects()):
+        append(journal, {"b": 2})
+
+    assert flushed == [journal.stat().st_size] == [len(sealed_line({"a": 1}) + sealed_line({"b": 2}))]
 
 
 def test_records_come_back_in_order(tmp_path: Path) -> None:

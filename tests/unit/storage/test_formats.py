@@ -19,6 +19,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.operations import Operation, set_to
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
+from rarms_iac.model.series import HeardMessages
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Measured
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
@@ -99,7 +100,7 @@ def test_a_union_with_kinds_is_told_by_them() -> None:
     step = set_to("vision", reserve=40, limit=100, weight=100)
 
     assert decode_union(Operation, encode(step)) == step
-    with pytest.raises(NotDecodable, match="none of create_partition, erase_mark"):
+    with pytest.raises(NotDecodable, match="not one of create_partition, erase_mark"):
         decode_union(Operation, {"kind": "explode", "partition": "vision"})
 
 
@@ -109,6 +110,12 @@ def test_readings_keep_their_types() -> None:
     back = decode_union(Readings, encode(readings, Readings))
 
     assert {name: type(value) for name, value in back.items()} == {"exists": bool, "reserve": int, "name": str}
+
+
+def test_stamps_may_be_behind_the_clock() -> None:
+    heard = HeardMessages(input="/camera", inputs=3, ahead_ms=-0.4)
+
+    assert decode(HeardMessages, encode(heard)) == heard
 
 
 def test_a_host_of_the_manifest_comes_back() -> None:
@@ -179,7 +186,7 @@ def test_the_schema_refuses_what_reading_refuses() -> None:
 
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.Draft202012Validator(snapshot_schema()).validate(document)
-    with pytest.raises(SnapshotUnreadable, match="there is no such field"):
+    with pytest.raises(SnapshotUnreadable, match="this field is unknown"):
         read_snapshot(json.dumps(document).encode())
 
 

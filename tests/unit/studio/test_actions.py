@@ -97,7 +97,7 @@ def test_proof_asks_for_idle_time_of_hosts(client: Client) -> None:
     refused = done(client, "prove")
 
     assert refused["ending"] == "failed"
-    assert "uses all idle time" in str(refused["lines"])
+    assert "loads the hosts fully" in str(refused["lines"])
 
 
 def test_level_is_previewed_and_written(client: Client, folder: Path) -> None:
@@ -120,6 +120,7 @@ def test_levels_of_a_way_out_go_together(client: Client, folder: Path) -> None:
     (folder / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
     with without_scheduler():
         assert rarms("measure", "-f", str(folder)).code == 0
+        assert rarms("measure", "-f", str(folder), "--from", "20%", "--to", "100%").code == 0
     way = [{**LEVEL, "component": "speech", "level": "60 ms"}, {**LEVEL, "component": "talk", "level": "70 ms"}]
     for level in way:
         alone = client.post("levels", {"levels": [level]}).data
@@ -220,7 +221,7 @@ def test_used_plan_is_no_longer_offered(client: Client, folder: Path) -> None:
     assert rarms("apply", "--auto-approve", "-f", str(folder)).code == 0
 
     page = client.get().text
-    assert "Something was applied to onboard since this plan was made: plan again." in page
+    assert "onboard changed since this plan was made. Plan again." in page
     assert 'data-action="apply"' not in page
 
 

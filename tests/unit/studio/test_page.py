@@ -192,8 +192,8 @@ def test_page_says_when_host_was_asked(tmp_path: Path, host: str, says: bool) ->
 
     page = page_of(known, Workspace(source=source), settings, version="", is_running=False).decode()
 
-    assert (f"Asked at {known.looked_at}." in page) == says
-    assert ("whether another run holds this host is not seen" in page) == says
+    assert (f"Read at {known.looked_at}." in page) == says
+    assert ("Locks by other runs are not shown" in page) == says
 
 
 def test_recently_used_port_is_taken() -> None:

@@ -220,10 +220,10 @@ def test_a_dash_is_standard_output() -> None:
     [
         (["sraif"], 'Did you mean "sarif"'),
         (["SARIF=x"], "text, json, sarif, junit, github"),
-        ([""], "is no form of output"),
-        (["sarif="], "names no file"),
-        (["text", "json"], "two outputs go to standard output"),
-        (["json=x", "sarif=x"], "two outputs go to x"),
+        ([""], "is not an output format"),
+        (["sarif="], "does not have a file"),
+        (["text", "json"], "two outputs have the same target standard output"),
+        (["json=x", "sarif=x"], "two outputs have the same target x"),
     ],
 )
 def test_impossible_output_is_refused_with_alternatives(values: list[str], message: str) -> None:

@@ -20,7 +20,7 @@ from rarms_iac.views.console import live_console, render
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import summary_text
 from rarms_iac.views.progress import MeasuringProgress, share_done
-from rarms_iac.views.table import LiveTable
+from rarms_iac.views.table import LiveLine
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.robots import a_measured_setting
@@ -116,6 +116,14 @@ def test_early_end_says_remaining_settings() -> None:
     check(json_of(outcome_of(result)))
 
 
+def test_unspent_saving_is_named() -> None:
+    result = replace(found(105.0), conclusion=Sufficient(reserve=60, failed=51, down_to=52))
+
+    assert "vision: could be down to 1.04 LP" in " ".join(text([result]).split())
+    assert '"down_to_lp": 1.04' in json_of(outcome_of(result))
+    check(json_of(outcome_of(result)))
+
+
 def test_errors_are_explained_below_verdicts_only() -> None:
     stopped = ExperimentResult(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
@@ -123,6 +131,7 @@ def test_errors_are_explained_below_verdicts_only() -> None:
 
     assert "99 % confidence each." in text([found(105.0)])
     assert "confidence" not in text([stopped])
+    assert text([stopped]).endswith("Stopped before the first setting had ended.\n")
 
 
 def test_a_search_that_was_stopped_promises_no_plan() -> None:
@@ -133,6 +142,7 @@ def test_a_search_that_was_stopped_promises_no_plan() -> None:
 
     assert "vision: stopped; 1.2 LP meets the threshold so far." in summary
     assert "a plan reserves" not in summary
+    assert "Measured: 1 component, 2 settings so far, 2 of them new." in summary
     assert "Next:" not in summary
     assert "vision: stopped; 1.2 LP is of an earlier run." in " ".join(text([replace(stopped, new=0)]).split())
 
@@ -213,6 +223,20 @@ def test_pipe_hears_of_a_setting_after_silence() -> None:
     ]
 
 
+def test_pipe_hears_of_a_long_setting() -> None:
+    lines: list[str] = []
+    times = iter([0.0, 0.0, 59.0, 61.0, 90.0])
+    progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: next(times))
+
+    progress.setting_started(ONE_EXPERIMENT, 62, None)
+    for _ in range(3):
+        progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
+
+    assert lines == [
+        "vision with busy-loop at 1.24 LP: 50 samples, mean_response_time 98 ms, after 61 s, still running\n"
+    ]
+
+
 @pytest.mark.parametrize(
     ("least", "most", "text"),
     [
@@ -234,9 +258,7 @@ def test_setting_says_how_long_the_rest_takes(least: int, most: int, text: str) 
 def test_running_setting_counts_down_by_those_before_it(now: float, text: str) -> None:
     screen = StringIO()
     times = iter([0.0, 0.0, now])
-    progress = MeasuringProgress(
-        lambda _: None, lambda: next(times), LiveTable(live_console(screen, 100, colour=False))
-    )
+    progress = MeasuringProgress(lambda _: None, lambda: next(times), LiveLine(live_console(screen, 100, colour=False)))
 
     progress.setting_started(ONE_EXPERIMENT, 62, RemainingSettings(least=1, most=4, setting_seconds=12.0))
     progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
@@ -262,7 +284,7 @@ def test_repeated_setting_says_what_it_adds() -> None:
 def test_terminal_sees_the_running_setting() -> None:
     screen = StringIO()
     times = iter([0.0, 0.0, 4.0])
-    live = LiveTable(live_console(screen, 100, colour=False))
+    live = LiveLine(live_console(screen, 100, colour=False))
     progress = MeasuringProgress(lambda _: None, lambda: next(times), live)
 
     progress.experiment_started(ONE_EXPERIMENT, ())

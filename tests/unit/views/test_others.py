@@ -1,6 +1,7 @@
 import io
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -14,6 +15,7 @@ from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunRe
 from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import PLAN, PROVE, START, STATUS, RecommendedCommand, command
 from rarms_iac.model.journal import Closing, PastRun, RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
@@ -24,7 +26,7 @@ from rarms_iac.views.changes import drift_text
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.run import RunProgress, run_text, undo_text
+from rarms_iac.views.run import RunProgress, next_command, run_text, undo_text
 from rarms_iac.views.status import history_text
 from tests.builders import a_host, the_delivery_robot
 from tests.builders_plan import (
@@ -77,9 +79,12 @@ def test_drift_says_what_differs_and_who_moved() -> None:
     shown = render(drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED))).splitlines()
 
     assert shown[0] == "Host onboard (2 LP)"
-    assert "  vision [face-detection, vision], 0.8 LP wanted: changed on the host;" in shown
-    assert "      reserve is 1 LP, wanted 0.8 LP" in shown
-    assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
+    assert "  vision [face-detection, vision], 0.8 LP wanted: changed on the host; reserve" in shown
+    assert "      is 1 LP, wanted 0.8 LP" in shown
+    assert shown[-2:] == [
+        "Drift: 1 changed on the host, 1 not applied yet.",
+        "Next: `rarms plan` shows the changes that are not applied.",
+    ]
 
 
 def test_drift_for_programs() -> None:
@@ -101,12 +106,27 @@ def a_report(ending: RunEnding, changed: int = 2) -> RunReport:
     return RunReport(ending=ending, hosts=(host,))
 
 
+def test_run_recommends_the_next_command() -> None:
+    def after(**facts: Any) -> RecommendedCommand | None:
+        report = a_report(RunEnding.DONE)
+        return next_command(replace(report, hosts=(replace(report.hosts[0], **facts),)), answers=True)
+
+    assert after() == PROVE
+    assert next_command(a_report(RunEnding.DONE), answers=False) == command("prove", load_host=True)
+    assert after(purpose=Purpose.STOP) == START
+    assert after(purpose=Purpose.IMPORT) == PLAN
+    assert after(purpose=Purpose.RELEASE) == STATUS
+    assert after(purpose=Purpose.STOP, run=RunKind.UNDO) == STATUS
+    assert next_command(a_report(RunEnding.FAILED), answers=True) is None
+    assert next_command(RunReport(ending=RunEnding.NOTHING), answers=True) is None
+
+
 def test_run_says_ending_and_rest() -> None:
     done = render(run_text(a_report(RunEnding.DONE, changed=3)), 100)
     stopped = render(run_text(a_report(RunEnding.INTERRUPTED)), 80)
 
-    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 had nothing to do.\n"
-    assert "1 of 4 left" in stopped
+    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps done, 1 not needed.\n"
+    assert "1\nof 4 left" in stopped
     assert "or `rarms apply --abandon` to leave" in stopped
     check(json_of(a_report(RunEnding.DONE)))
 
@@ -125,7 +145,7 @@ def test_apply_counts_resources_as_plan_did() -> None:
 
     assert render(run_text(done), 200) == (
         "onboard: Apply of plan 0123456789ab complete: 3 added (2 task classes with their partitions), 1 changed, "
-        "0 removed (4 steps, 1 had nothing to do). 1.4 LP of 2 LP are reserved.\n"
+        "0 removed (4 steps, 1 not needed). 1.4 LP of 2 LP are reserved.\n"
     )
     check(json_of(done))
     (host,) = json.loads(json_of(done))["hosts"]
@@ -156,8 +176,8 @@ def test_an_undo_without_a_step_says_why() -> None:
     idle = RunReport(ending=RunEnding.DONE, hosts=(host,))
     lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do"),))
 
-    assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
-    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be undone.\n"
+    assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it did not change anything.\n"
+    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: none of it can be undone.\n"
 
 
 def a_start() -> RunStarted:
@@ -231,7 +251,8 @@ def test_undo_says_what_comes_back_and_what_stays() -> None:
         host="onboard", started=a_start(), steps=tuple(steps), script=(), findings=(), foreign=(), keeps=False
     )
 
-    assert render(undo_text(shown)).splitlines()[-2:] == [
+    assert render(undo_text(shown), 120).splitlines() == [
+        ("Undo of the apply of plan 0123456789ab on onboard, started by me. The last change is undone first:"),
         "  partition/vision: reserve 40 -> 70 %",
         "  partition/old: stays done: remove the machine",
     ]
@@ -274,3 +295,16 @@ def test_only_undo_that_ended_well_makes_apply_undone() -> None:
     assert endings(None) == ["unfinished", "done"]
     assert endings(Closing.ABANDONED) == ["abandoned", "done"]
     assert endings(Closing.DONE) == ["done", "undone"]
+
+
+def test_history_names_the_application_of_others_only() -> None:
+    own = PastRun(
+        run=RunKind.APPLY, plan="0123", application="robot", started_by="ann", started_at="", closing=Closing.DONE
+    )
+
+    def titles(*runs: PastRun) -> list[str]:
+        shown = render(history_text(History(application="robot", hosts={"onboard": runs}, unrecorded={})))
+        return shown.splitlines()[1].split()
+
+    assert titles(own) == ["when", "run", "plan", "by", "ending"]
+    assert titles(own, replace(own, application="kiosk")) == ["when", "run", "plan", "application", "by", "ending"]

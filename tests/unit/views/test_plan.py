@@ -35,8 +35,8 @@ def shown_alone(change: Change, *, verbose: bool = False) -> list[str]:
 
 
 def test_no_changes_is_one_line() -> None:
-    assert lines_of(plan()) == ["No changes. The host is as the manifest wants it."]
-    assert plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
+    assert lines_of(plan()) == ["No changes. The host is as in the manifest."]
+    assert plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing of this application is on the host."
 
 
 def test_new_partition_is_one_line() -> None:
@@ -127,10 +127,10 @@ def test_task_class_shows_types_and_effect() -> None:
     [
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
-        "  partition/former is unused and stopped: the manifest no longer names it.",
+        "  partition/former is not in the manifest now and is stopped. Remove it with",
         "  partition/old, remove the machine: cannot be undone; it is not made again",
         "  ~ speech    0.4 LP -> 0.8 LP  512 MiB  processors 1 -> 2; stops the partition",
-        "  Afterwards: 1.9 LP of 2 LP (95 % of onboard) and 2 GiB reserved; 0.1 LP and",
+        "  Afterwards: 1.9 LP of 2 LP reserved, 0.1 LP free.",
         "warning[RARMS041] A change restarts or stops a partition",
     ],
 )
@@ -181,7 +181,7 @@ def test_hosts_without_changes_are_one_line_together() -> None:
 
     assert [line for line in lines if line.startswith("Host ")] == ["Host onboard (simulated, 2 LP, 4 GiB)"]
     assert "No changes on 2 more hosts: spare, workshop." in lines
-    assert lines_of(plan(*quiet)) == ["No changes. The hosts are as the manifest wants them."]
+    assert lines_of(plan(*quiet)) == ["No changes. The hosts are as in the manifest."]
 
 
 def test_step_speaks_of_host_in_words_of_plan() -> None:

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from io import StringIO
 
 import pytest
 
@@ -10,10 +9,9 @@ from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
-from rarms_iac.views.console import live_console, render
+from rarms_iac.views.console import render
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.reports.tables import trail_table
-from rarms_iac.views.table import LiveTable
 from rarms_iac.views.tune import TuningProgress, tuned_text
 from tests.builders_measured import TUNED
 from tests.unit.views.test_json import check
@@ -63,24 +61,22 @@ def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     assert ("No other layout of these components is better by `policy.minimise`" in text) is proved
 
 
-def test_answer_is_a_line_or_a_row() -> None:
-    pipe: list[str] = []
-    terminal: list[str] = []
-    live = LiveTable(live_console(StringIO(), 80, colour=False))
-    for progress in (
-        TuningProgress(lambda text: pipe.append(render(text))),
-        TuningProgress(lambda text: terminal.append(render(text)), live),
-    ):
-        for worse, reserve in ((("a",), 40), ((), 45)):
-            progress.setting_answered(Answer(members=("a", "b"), reserve=reserve, worse=worse, predicted=44))
-        progress.ended()
+def test_written_layout_is_to_be_planned_next() -> None:
+    result = tuned(proved=True)
 
-    assert pipe == [
-        "a+b at 40 % of its VPs: missed by a (predicted 44 % of its VPs)\n",
-        "a+b at 45 % of its VPs: all met (predicted 44 % of its VPs)\n",
-    ]
-    assert terminal == [
-        "components      reservation  answer\n"
-        "a+b         40 % of its VPs  missed by a (predicted 44 % of its VPs)\n"
-        "a+b         45 % of its VPs  all met (predicted 44 % of its VPs)\n"
+    assert "Next: " not in render(tuned_text(result))
+    assert render(tuned_text(replace(result, files=("rarms.yaml",)))).endswith("Next: `rarms plan`\n")
+
+
+def test_answer_is_a_numbered_line() -> None:
+    said: list[str] = []
+    progress = TuningProgress(lambda text: said.append(render(text)))
+
+    for worse, reserve in ((("a",), 40), ((), 45)):
+        answer = Answer(members=("a", "b"), reserve=reserve, worse=worse, predicted=44, processors=2)
+        progress.setting_answered(answer)
+
+    assert said == [
+        "[1] a+b  0.8 LP  missed by a\n",
+        "[2] a+b  0.9 LP  met\n",
     ]

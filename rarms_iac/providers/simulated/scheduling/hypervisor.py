@@ -202,7 +202,7 @@ class HypervisorScheduler:
         return vp.limit_left
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
-        """Return who runs next of those that may, with its urgency: if it outranks none that runs, no other does."""
+        """Return the VP that runs next, with its urgency: if it outranks none that runs, no other does."""
         clock = self._clock()
         first, highest, furthest = None, NOTHING, -inf
         for vp in self._waiting:

@@ -105,7 +105,7 @@ class JobDone:
 
 
 class TracePiece(NamedTuple):
-    """What an LP did for a while: the trace of a simulation is made of these, each LP's without gap or overlap."""
+    """A piece of an LP's time: the trace of a simulation is made of these, each LP's without gap or overlap."""
 
     lp: int
     began: float
@@ -188,7 +188,7 @@ class Thread:
 
 
 class GuestScheduler(Protocol):
-    """What the hypervisor calls of an operating system."""
+    """The methods of an operating system that the hypervisor calls."""
 
     @property
     def contended(self) -> bool:
@@ -272,7 +272,7 @@ class VirtualProcessor(Owner):
             self.used -= net / self.usable_weight  # what its reserve gains meanwhile is used up at once
             return
         self.claim += net
-        if self.claim <= -INSTANT:  # used up on the way: the rest was left over, and is no debt
+        if self.claim <= -INSTANT:  # used up on the way: the rest was left over, and is not a debt
             self.used -= self.claim / self.usable_weight
         if self.claim < INSTANT:
             self.claim = 0.0
@@ -300,14 +300,14 @@ class LogicalProcessor(Owner):
         self.taken_left = 0.0
 
     def doing(self) -> str:
-        """Return what the LP does now, as the trace names it."""
+        """Return the activity of the LP now, as the trace names it."""
         if self.taken:
             return self.taken[0][1]
         return self.vp.name if self.vp is not None else IDLE
 
 
 class Entitlement(NamedTuple):
-    """What a VP that demands is promised: reserve and limit are fractions of one LP."""
+    """The entitlement of a VP that demands: reserve and limit are fractions of one LP."""
 
     reserve: float
     limit: float
@@ -332,12 +332,12 @@ def usable_weights(demanding: Sequence[Entitlement], lps: int) -> list[float]:
 
 
 def _level(demanding: Sequence[Entitlement], lps: int) -> float:
-    """Return what a unit of weight is worth, in LPs.
+    """Return the worth of a unit of weight, in LPs.
 
     Water rises over all VPs alike, and leaves out those at their limit.
     """
-    remaining = lps - sum(vp.reserve for vp in demanding)
-    rising = sum(vp.weight for vp in demanding)
+    remaining = lps - sum((vp.reserve for vp in demanding), 0.0)
+    rising = sum((vp.weight for vp in demanding), 0.0)
     level = 0.0
     for full_at, vp in sorted(((vp.limit - vp.reserve) / vp.weight, vp) for vp in demanding):
         if full_at * rising >= remaining:

@@ -93,7 +93,7 @@ class Variation:
 
 
 class ProcessorUse:
-    """How long how many threads of a partition's components ran, or waited for a processor, at once."""
+    """The time in which so many threads of a partition's components ran, or waited for a processor, at once."""
 
     def __init__(self) -> None:
         self.at_once_ms: dict[int, float] = {}  # by number of threads
@@ -218,7 +218,7 @@ class ComponentProgram(Owner):
 
 
 class Devices:
-    """How interrupts and the parent take LPs: in short pieces, on every LP in turn."""
+    """The LPs' time for interrupts and the parent: in short pieces, on every LP in turn."""
 
     def __init__(self, hypervisor: HypervisorScheduler) -> None:
         self._hypervisor = hypervisor
@@ -277,7 +277,7 @@ class BrowserProgram(Owner):
         self._devices = devices
         self._screen = screen
         self._variation = Variation(random, 20.0)
-        self._thread = Thread(ORDINARY, Account(), self._decoded)
+        self._decoder = Thread(ORDINARY, Account(), self._decoded)
         self._due = random.uniform(0.0, FRAME_MS)
 
     def start(self) -> None:
@@ -286,8 +286,8 @@ class BrowserProgram(Owner):
 
     def _frame(self) -> None:
         work = DECODE_MS if self._screen else DECODE_MS + PAINT_MS
-        self._thread.remaining = self._variation.of(work)
-        self._system.ready(self._thread)
+        self._decoder.remaining = self._variation.of(work)
+        self._system.ready(self._decoder)
 
     def _decoded(self) -> None:
         if self._screen is None:
@@ -372,16 +372,16 @@ class BusyLoopProgram(Owner):
         super().__init__()
         self._system = system
         self._agenda = system.agenda
-        self._thread = Thread(ORDINARY, Account(), lambda: None)
-        self._thread.remaining = inf
+        self._worker = Thread(ORDINARY, Account(), lambda: None)
+        self._worker.remaining = inf
 
     def start(self) -> None:
         """Run from now on."""
-        self._system.ready(self._thread)
+        self._system.ready(self._worker)
 
     def restart(self, pause_ms: float) -> None:
         """Stop, and start again after a pause."""
-        self._system.pause(self._thread)
+        self._system.pause(self._worker)
         self._agenda.after(pause_ms, self, self.start)
 
 

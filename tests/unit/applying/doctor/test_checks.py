@@ -71,7 +71,7 @@ CASES = {
     "no rights": ("RARMS158", "host/onboard", of(rights=Rights.MISSING)),
     "rights not proven": ("RARMS158", "host/onboard", of(rights=Rights.UNKNOWN)),
     "responsiveness": ("RARMS230", "host/onboard", examination(how=responsive(15))),
-    "no module": ("RARMS233", "host/onboard", how(module=())),
+    "does not have the module": ("RARMS233", "host/onboard", how(module=())),
     "SMT": ("RARMS234", "host/onboard", of(smt=True, scheduler=SchedulerType.CORE)),
     "group": ("RARMS235", "partition/vision", examination(machines=(replace(VISION, cpu_group="36ab08cb"),))),
     "unequal": ("RARMS405", "host/onboard", of(processor_kinds=(ProcessorKind(processors=8, threads=1),) * 2)),
@@ -113,7 +113,7 @@ CASES = {
         "host/onboard",
         replace(examination(), state=State(facts=facts(), partitions=(OFF,), memory_left=OFF.settings.memory - 1)),
     ),
-    "no counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
+    "does not have the counters": ("RARMS321", "host/onboard", how(hypervisor_running=True, counters=False)),
     "mute guest": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
     "running script": ("RARMS323", "host/onboard", how(script_running=True)),
     "unread": ("RARMS249", "host/onboard", how(unread={"the NUMA nodes": "denied"})),
@@ -145,7 +145,7 @@ def test_powershell_that_runs_scripts_is_not_told_of(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", ["2.0", "3", "5.0.10586.117", "", "core"])
-def test_one_that_does_not_is(version: str) -> None:
+def test_powershell_without_needed_version_is_finding(version: str) -> None:
     assert [diagnostic.code for diagnostic in examine(how(powershell=version))] == ["RARMS233"]
 
 
@@ -155,7 +155,7 @@ def test_policy_of_the_look_counts_for_nothing() -> None:
     assert examine(examination(how=how)) == ()
 
 
-@pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "outranks"), (POLICY.CURRENT_USER, "By hand")])
+@pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "has priority"), (POLICY.CURRENT_USER, "by hand")])
 def test_what_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
     (finding,) = examine(how(policies={scope: "Restricted"}))
 

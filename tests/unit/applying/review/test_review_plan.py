@@ -174,13 +174,13 @@ def test_cpu_group_of_kept_partition_is_told() -> None:
 
 
 class TestUnmanaged:
-    def test_a_partition_that_is_made_takes_what_was_not_reserved(self) -> None:
+    def test_new_partition_takes_unreserved_share(self) -> None:
         (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
 
         assert (finding.code, finding.address) == ("RARMS223", "host/onboard")
         assert "about 2 LP -> 0.5 LP, 0.2 LP reserved" in finding.detail
 
-    def test_several_are_told_in_one_finding(self) -> None:
+    def test_several_losing_machines_are_one_finding(self) -> None:
         other = partition(settings("other", processors=2, reserve=10), application=None)
 
         (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER, other])
@@ -200,12 +200,12 @@ class TestUnmanaged:
             build.create(partition(settings(running=False))),
         ],
     )
-    def test_what_gives_back_or_does_not_run_takes_nothing(self, change: Change) -> None:
+    def test_change_that_gives_back_takes_no_share(self, change: Change) -> None:
         there = [] if change.kind == "create" else [partition(settings(reserve=50))]
 
         assert findings(change, machines=[STRANGER, *there], steps=[build.step(change.address)]) == []
 
-    def test_one_that_does_not_run_loses_nothing(self) -> None:
+    def test_machine_that_is_off_loses_no_share(self) -> None:
         off = partition(settings("stranger", running=False), application=None)
 
         assert findings(build.create(partition()), machines=[off]) == []
@@ -219,7 +219,7 @@ class TestUnmanaged:
         assert findings(adopt, machines=[other, STRANGER], purpose=Purpose.IMPORT) == []
         assert findings(release, machines=[ours, STRANGER], purpose=Purpose.RELEASE) == []
 
-    def test_a_share_is_the_reserve_and_by_weight_what_no_reserve_takes(self) -> None:
+    def test_share_is_reserve_plus_weighted_rest(self) -> None:
         first, second = settings("a", reserve=50, weight=100), settings("b", reserve=0, weight=300)
 
         assert busy_share(first, [first, second], 2) == 1 + Fraction(1, 4)
@@ -262,13 +262,13 @@ class TestStops:
     )
     START = build.step(operation=StartPartition(partition="vision"))
 
-    def test_a_partition_that_is_stopped_only_to_make_room_is_told(self) -> None:
+    def test_partition_stopped_to_make_room_is_told(self) -> None:
         (finding,) = findings(self.LIVE, machines=[self.RUNNING], steps=[self.STOP, self.START])
 
         assert (finding.code, finding.address) == ("RARMS041", "partition/vision")
         assert "no order of the steps" in finding.detail
 
-    def test_one_whose_own_change_stops_it_is_told_once(self) -> None:
+    def test_partition_stopped_by_own_change_is_told_once(self) -> None:
         stopping = replace(self.LIVE, disruption=Disruption.PARTITION_STOP)
 
         found = findings(stopping, machines=[self.RUNNING], steps=[self.STOP, self.START])

@@ -10,7 +10,9 @@ import jsonschema
 import pytest
 from pydantic_core import ValidationError
 
+from rarms_iac.manifest.document.marks import MOST_BROKEN
 from rarms_iac.manifest.document.reader import manifest_reader
+from rarms_iac.manifest.document.rules import broken_rules
 from rarms_iac.manifest.document.schema import manifest_schema, overlay_schema
 from rarms_iac.manifest.document.validate_document import MOST_ERRORS, NotAManifest, listable_errors, validate_document
 from rarms_iac.manifest.load import load_system
@@ -33,11 +35,15 @@ from rarms_iac.model.host import (
 )
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Milliseconds, Percent, ProcessorTime, ShareOfHost
 from rarms_iac.model.run import (
+    AttachedContainer,
+    AttachedService,
     Call,
+    Container,
     Elapsed,
     Field,
     FromEnvironment,
     Periodic,
+    Processes,
     Run,
     SampleCount,
     Samples,
@@ -133,11 +139,14 @@ def test_a_component() -> None:
             reserve=ProcessorTime(LogicalProcessors(Fraction(7, 5))),
             limit=ShareOfHost(Percent(Fraction(80))),
             weight=200,
+            starting=m.StartRequest(
+                reserve=ProcessorTime(LogicalProcessors(Fraction(3, 2))), time=Milliseconds(Fraction(30_000))
+            ),
         ),
         together=("speech",),
         apart=("planning",),
         dedicated=False,
-        task="ObjectIdentification",
+        task=m.ThreadsTask(task_class="ObjectIdentification", threads=("detect*",)),
         hosts=("onboard", "server"),
         runs_on=m.RunsOn.PARTITION,
         interference=("browsers",),
@@ -223,7 +232,9 @@ def test_the_rest() -> None:
         minimise=m.Minimise.RESERVATION,
         headroom=m.Headroom.EQUAL,
         max_disruption=m.Disruption.PARTITION_STOP,
-        measuring=m.MeasuringLimits(setting=ms("300000"), proof=ms("3600000")),
+        measuring=m.MeasuringLimits(
+            setting=ms("300000"), proof=ms("3600000"), slow_job=10, precision=Percent(Fraction(5))
+        ),
         signed_plans=True,
         accept={"RARMS041": accept},
     )
@@ -231,10 +242,36 @@ def test_the_rest() -> None:
     assert SYSTEM.application == m.Application(name="cell-7", description="Says everything.", requires_rarms=">=0.1")
 
 
+def test_processes_have_what_the_run_says() -> None:
+    run = SYSTEM.components["faces"].run
+    assert run is not None
+    camera, detector = run.each_process.values()
+
+    assert run.start == Processes(by_name=run.processes)
+    assert (camera.user, detector.user) == ("root", "robot")
+    assert (camera.groups, detector.environment_file, detector.variables) == (("video",), "robot.env", {})
+    assert camera.service is not None
+    assert camera.service.properties.supplementary_groups == ("video",)
+    assert detector.start == Container(
+        engine="podman", image="faces", command=("detect",), options=("--device=/dev/video0",)
+    )
+
+
+def test_attached_components_are_alone_in_their_partition() -> None:
+    route, map_ = (SYSTEM.components[name] for name in ("route", "map"))
+
+    assert route.run is not None
+    assert route.run.start == AttachedContainer(container="nav2", engine="docker")
+    assert map_.run is not None
+    assert map_.run.start == AttachedService(service="slam")
+    assert route.dedicated
+    assert map_.dedicated
+
+
 SCHEMAS = Path(__file__).parents[4] / "schemas"
 
 
-def test_the_schema_is_one() -> None:
+def test_manifest_schema_is_valid_json_schema() -> None:
     meta = jsonschema.Draft202012Validator(jsonschema.Draft202012Validator.META_SCHEMA)
 
     assert list(meta.iter_errors(manifest_schema())) == []
@@ -281,11 +318,38 @@ def _keys(value: Any) -> Iterator[str]:
             yield from _keys(inner)
 
 
+@pytest.mark.parametrize(
+    ("run", "wrong"),
+    [
+        ("{ command: [a], timeout: 1 s, samples: { from: ros, input: /a, output: /b/c } }", ()),
+        ("{ command: [a], samples: { from: ros, input: /a, output: /b } }", ("timeout",)),
+        ("{ command: [a], timeout: 1 s, samples: { from: ros, input: /a } }", ("output",)),
+        ("{ command: [a], samples: { from: json_lines, input: /a } }", ("input",)),
+        ("{ call: 'a:b', timeout: 1 s, samples: { from: ros, input: /a, output: /b } }", ("call",)),
+        ("{ command: [a], timeout: 1 s, samples: { from: ros, input: /a, output: /b, stream: stderr } }", ("stream",)),
+        (
+            "{ command: [a], timeout: 1 s, samples: { from: ros, input: /a, output: /b, success: { field: ok } } }",
+            ("success",),
+        ),
+    ],
+)
+def test_samples_of_messages_have_their_own_keys(run: str, wrong: tuple[str, ...]) -> None:
+    text = (
+        "schema: rarms/v1\napplication: { name: cell }\nhosts: { cell: { logical_processors: 2, memory: 2 GiB } }\n"
+        f"components: {{ arm: {{ criticality: 1, run: {run} }} }}"
+    )
+    value = read_text(text.encode(), "rarms.yaml", ".").value
+    told = list(broken_rules(value))
+
+    assert tuple(facts["key"] for _, _, facts in told) == wrong
+    assert jsonschema.Draft202012Validator(manifest_schema()).is_valid(value) == (not wrong)
+
+
 EXAMPLES = sorted((SCHEMAS.parent / "manifests").glob("*/rarms.yaml"))
 
 INVALID = sorted((SCHEMAS.parent / "tests" / "cases" / "findings").glob("*/rarms.yaml"))
 OF_STRUCTURE = {"RARMS015", "RARMS016", "RARMS017", "RARMS042"}
-BEYOND = "There is no such day"  # JSON Schema cannot say which days there are
+BEYOND = "This day does not exist"  # JSON Schema cannot say which days there are
 
 
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.parent.name)
@@ -364,6 +428,22 @@ def test_errors_behind_sound_entries_are_shown() -> None:
 
     assert [error.path[:2] for error in caught.value.errors] == [("components", name) for name in names[60:-7]]
     assert caught.value.following == 7
+
+
+def test_few_errors_of_one_components_thresholds_are_shown() -> None:
+    document = {
+        "schema": "rarms/v1",
+        "application": {"name": "a"},
+        "hosts": {"h": HOST},
+        "components": {"c": {**SOUND, "apt": {f"index-{number}": {} for number in range(MOST_BROKEN + 1)}}},
+    }
+
+    with pytest.raises(NotAManifest) as caught:
+        validate_document(document, first_line("rarms.yaml"))
+
+    shown = [error.path for error in caught.value.errors]
+    assert shown == [("components", "c", "apt", f"index-{number}") for number in range(MOST_BROKEN)]
+    assert {error.kind for error in caught.value.errors} == {"rarms_index"}
 
 
 @pytest.mark.parametrize(

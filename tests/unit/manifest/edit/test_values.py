@@ -142,7 +142,7 @@ def test_flow_key_is_removed_with_comma() -> None:
     assert remove_value(text, ("hosts", "c")) == "hosts: { a: { memory: 1 GiB }, b: {} }\n"
 
 
-def test_what_is_not_there_is_said() -> None:
+def test_edit_of_missing_path_is_refused() -> None:
     with pytest.raises(
         NoSuchPlace, match=r"^components\.vision\.criticality\.deep: components\.vision\.criticality has"
     ):

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.measuring.search.bracketing import MOST, crossings_of
+from rarms_iac.measuring.search.bracketing import MOST
+from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, judge_settings
 from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.experiment import Budget

@@ -161,7 +161,7 @@ def test_unsteady_answer_moves_up_and_is_no_fail(
 def test_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
     settings, step = unsteady(strategy, 1, range(1, 101), level)
 
-    assert step == NotResolved(reason="at 100 % of its VPs coi has no steady state")
+    assert step == NotResolved(reason="at 100 % of its VPs coi did not reach a steady state")
     assert len(settings) <= MOST_INCONCLUSIVE + 1
 
 

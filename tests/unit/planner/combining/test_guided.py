@@ -35,7 +35,7 @@ def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int =
 
 @pytest.mark.parametrize("minimise", list(Minimise))
 @pytest.mark.parametrize("off", [0.0, 3.0, -1.0])
-def test_however_wrong_they_are_answer_is_same(off: float, minimise: Minimise) -> None:
+def test_wrong_predictions_do_not_change_the_answer(off: float, minimise: Minimise) -> None:
     for seed in SEEDS:
         tuning, needs = problem(seed, minimise)
         plain, _ = search(tuning, Inquiry(oracle=Needs(needs)))

@@ -55,7 +55,7 @@ def test_nothing_is_asked_if_all_fits() -> None:
     assert (done.needed, done.message, oracle.asked) == (False, "", [])
 
 
-def test_above_the_capacity_it_combines() -> None:
+def test_reservations_above_capacity_are_combined() -> None:
     oracle = Scripted({("paths", "video"): {"paths": 10, "video": 5}})
     done = tune_performance_to_use_less_resource(FOUR, within(109), Inquiry(oracle=oracle))
 

@@ -86,7 +86,7 @@ def by_hand(of: Sequence[Coi], needs: Mapping[Members, int], capacity: int, mini
         ]
         gains = all(
             cost < total(block) for cost, block in zip(costs, layout, strict=True) if len(block) > 1
-        )  # what is no gain is dropped
+        )  # what is not a gain is dropped
         if sum(costs) <= capacity and gains:
             first, second = (shared, sum(costs)) if minimise is Minimise.COMBINING else (sum(costs), shared)
             values.append((first, second, len(layout)))
@@ -254,7 +254,7 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
-    assert ended.contradictions[0].message == "a+b meets its thresholds with 45 % of its VPs and misses one with 50 %"
+    assert ended.contradictions[0].message == "a+b met its thresholds with 45 % of its VPs, but missed one with 50 %"
 
 
 def test_cheaper_compound_voids_the_proof() -> None:

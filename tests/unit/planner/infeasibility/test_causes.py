@@ -113,10 +113,10 @@ def test_only_way_out_is_sentence_or_list(changes: tuple[str, ...], advice: str)
     ("proven", "detail"),
     [
         (True, "Nothing fits."),
-        (False, "Nothing fits. It is not proven that there is none: the search ended at its limit."),
+        (False, "Nothing fits. The search ended at its limit, so a layout may still exist."),
     ],
 )
-def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
+def test_unproven_infeasibility_says_so(proven: bool, detail: str) -> None:
     cause = planning_findings.PLACEMENT.at(None, "Nothing fits.", "", address="application")
     answer = Infeasible(proven=proven, causes=(cause,), relaxations=())
 

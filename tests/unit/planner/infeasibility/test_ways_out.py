@@ -90,7 +90,7 @@ def test_nothing_is_offered_below_what_was_measured() -> None:
     offered = ways(a_robot(("path", "vision")), logs_of(path={60: 90}, vision={60: 90}))
     assert not [way for way in offered if LINE.search(in_a_list(way.changes))]
     assert str(describe_possibility(offered[0])) == (
-        "No lower setting of path and vision was measured: `rarms measure` may find that less is enough."
+        "No lower setting of path and vision was measured: `rarms measure` may find a smaller reservation."
     )
 
     first = str(describe_possibility(ways(a_robot(("path", "vision")), logs)[0]))
@@ -106,8 +106,8 @@ def test_least_critical_pair_is_combined() -> None:
     system = a_robot()
 
     assert pair_in(system, EACH_40) == (
-        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP in two partitions "
-        "on onboard; in one they may reserve up to 1.2 LP."
+        "Combining components may be enough. Check with `rarms tune`: path and speech reserve 1.6 LP "
+        "in two partitions on onboard; in one they may reserve up to 1.2 LP."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -151,8 +151,8 @@ def test_more_processors_are_promised_unless_measured_fewer() -> None:
     (perhaps,) = [way for way in found if more in in_a_list(way.changes)]
     assert perhaps.kind is RelaxationKind.MORE_PROCESSORS
     assert str(describe_possibility(perhaps)) == (
-        f"O{more[1:]}, with `processors: 2` for path as now may be enough. How much each partition needs there, "
-        "`rarms measure` tells."
+        f"O{more[1:]}, with `processors: 2` for path as now may be enough. Measure the partitions there: "
+        "`rarms measure`."
     )
 
 
@@ -246,7 +246,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     pair, more = str(offered.advice).splitlines()
     assert pair.startswith(
-        "Combining may be enough, and `rarms tune` measures it: path and speech reserve 1.6 LP in two partitions"
+        "Combining components may be enough. Check with `rarms tune`: path and speech reserve 1.6 LP in two partitions"
     )
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 
@@ -272,7 +272,7 @@ def test_tuning_is_offered_for_its_host() -> None:
     two = replace(system, components=placed, hosts={**system.hosts, "rack": other})
 
     assert (pair_in(two, EACH_40) or "").startswith(
-        "Combining may be enough, and `rarms tune --host onboard` measures it"
+        "Combining components may be enough. Check with `rarms tune --host onboard`"
     )
 
 
@@ -287,7 +287,8 @@ def test_pairs_are_tuned_on_each_platform() -> None:
     offered = pair_in(a_system(hosts=hosts, components=components), logs) or ""
 
     assert offered.startswith(
-        "Combining may be enough, and `rarms tune --host left` and `rarms tune --host right` measure it: all of these:"
+        "Combining components may be enough. Check with `rarms tune --host left` and `rarms tune --host right`"
+        ": all of these:"
     )
     assert ("arm and base reserve" in offered, "eye and head reserve" in offered) == (True, True)
 

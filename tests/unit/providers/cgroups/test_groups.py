@@ -15,15 +15,17 @@ import pytest
 
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.speed import MachineSpeed
 from rarms_iac.model.state import ProcessorKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at, orphans, read_facts
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
+from rarms_iac.providers.cgroups.speed import read_speed
 from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.kernel_files import read_process
-from rarms_iac.running.start import StartContext
+from rarms_iac.running.orders import StartContext
 from tests.builders import a_host
 from tests.contracts.benches import forget_groups, groups_of
 from tests.contracts.test_measuring_contract import ready
@@ -47,6 +49,7 @@ def tree() -> Iterator[GroupTree]:
 def _sleeper_in(tree: GroupTree, name: str) -> subprocess.Popen[bytes]:
     place = tree.place(name)
     script = "import os, pathlib, sys, time\nfor path in sys.argv[1:]: pathlib.Path(path).write_text(str(os.getpid()))"
+    script += "\nmemory = bytearray(16 * 2**20)"
     words = [sys.executable, "-c", f"{script}\nprint(flush=True)\ntime.sleep(60)", *map(str, place.join)]
     process = subprocess.Popen(words, stdout=subprocess.PIPE)
     assert process.stdout is not None
@@ -313,6 +316,32 @@ def test_doctor_names_what_killed_supervisor_left_in_partition(tmp_path: Path) -
     assert groups.names() == ()
 
 
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize("ended", [False, True])
+def test_what_a_client_waits_for_is_no_orphan(*, ended: bool) -> None:
+    unit, container = "rarms-arm-0a1b2c3d-1.service", f"docker-{'ab' * 32}.scope"
+    client, supervisor = os.getppid(), os.getpid()
+    texts = {
+        "/proc/71/stat": "71 (arm) S 1",
+        "/proc/71/cgroup": f"0::/rarms.slice/rarms-arm.slice/{unit}",
+        "/proc/72/stat": "72 (eyes) S 70",
+        "/proc/72/cgroup": f"0::/rarms.slice/rarms-arm.slice/{container}",
+        "/proc/70/stat": "70 (containerd-shim) S 1",
+        "/proc/73/stat": "73 (own) S 1",
+        "/proc/73/cgroup": "0::/rarms.slice/rarms-arm.slice/own.service",
+        f"/proc/{client}/cmdline": "" if ended else f"systemd-run\0--unit={unit}\0--\0docker\0run\0eyes",
+        f"/proc/{client}/stat": f"{client} (systemd-run) S {supervisor}",
+        f"/proc/{supervisor}/cmdline": "python3\0supervisor_process.py\0",
+    }
+
+    def read(path: Path) -> str:
+        text = texts.get(str(path), "")
+        return f"{text} {' '.join('0' * 40)}" if path.name == "stat" and text else text
+
+    own = ((73, "own"),)
+    assert orphans([71, 72, 73], read) == (((71, "arm"), (72, "eyes"), *own) if ended else own)
+
+
 ALWAYS_BUSY, IDLE = "print(flush=True)\nwhile True: pass", "import time; print(flush=True); time.sleep(600)"
 
 
@@ -324,6 +353,9 @@ class Group:
 
     def processes(self, _name: str) -> tuple[int, ...]:
         return self._processes
+
+    def used_memory(self, _name: str) -> None:
+        return
 
 
 @contextmanager
@@ -402,3 +434,33 @@ SINGLE = {f"cpu{number}/topology/thread_siblings_list": str(number) for number i
 )
 def test_processors_that_differ_are_told_by_kind(files: dict[str, str], kinds: tuple[ProcessorKind, ...]) -> None:
     assert read_facts(a_host(), _Copy(FOUR | files)).processor_kinds == kinds
+
+
+@pytest.mark.needs("linux")
+def test_speed_comes_from_all_processors() -> None:
+    frequencies = {
+        f"cpu{number}/cpufreq/{name}": value
+        for number in range(4)
+        for name, value in (
+            ("scaling_cur_freq", f"{2000 + 100 * number}000"),
+            ("scaling_max_freq", "3400000"),
+            ("scaling_governor", "powersave" if number == 3 else "performance"),
+        )
+    }
+    heat = {"cpu0/thermal_throttle/core_throttle_count": "2", "cpu1/thermal_throttle/package_throttle_count": "3"}
+
+    assert read_speed(_Copy(FOUR | frequencies | heat)) == MachineSpeed(
+        governor="performance, powersave", mhz=2150, limit_mhz=3400, throttled=5
+    )
+    assert read_speed(LinuxEffects()).throttled >= 0, "of this machine, whatever it has"
+
+
+def test_used_memory_leaves_out_copies_of_files(tree: GroupTree) -> None:
+    tree.make("vision")
+    tree.write("vision", GroupValues(shares_percent=100, memory=256 * MIB))
+
+    sleeper = _sleeper_in(tree, "vision")
+
+    assert 16 * MIB <= (tree.used_memory("vision") or 0) < 64 * MIB
+    tree.remove("vision")
+    sleeper.wait()

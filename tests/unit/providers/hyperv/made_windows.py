@@ -69,7 +69,7 @@ class MadeWindows:
 
     def disk(self, path: str) -> WmiInstance:
         if path not in self._disks:
-            raise NotRead("0x80070002", "the file is not there")
+            raise NotRead("0x80070002", "the file does not exist")
         return self._disks[path]
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:

@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 import sys
-import time
 from base64 import b64decode
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 
 from rarms_iac.model.host import Connect, Receiver
 from rarms_iac.model.version import __version__
-from rarms_iac.providers.channel import SSH_FAILED, Channel, CommandResult, ssh_words
+from rarms_iac.providers.channel import SSH_FAILED, Channel, CommandResult, ProgramChannel, as_text, ssh_words
 from rarms_iac.providers.hyperv.provider import open_hyperv, read_event
 from rarms_iac.providers.hyperv.transport import (
     FAILED,
@@ -92,6 +91,16 @@ def test_any_other_line_is_none(line: str) -> None:
     assert read_event(line) is None
 
 
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [("Zähler".encode(), "Zähler"), (b"Z\x84hler", "Zähler")],
+    ids=["UTF-8", "code page"],
+)
+@pytest.mark.needs("posix")  # on Windows the code page is the computer's own
+def test_foreign_line_comes_in_code_page(line: bytes, text: str) -> None:
+    assert as_text(line) == text
+
+
 PARENT = """
 import subprocess, sys
 subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=sys.stdout, stderr=sys.stderr)
@@ -106,21 +115,40 @@ def test_what_a_program_started_ends_with_the_channel() -> None:
         assert channel.next_line(60, lambda: None) == "on"
 
 
+def test_program_that_has_ended_has_no_more_lines() -> None:
+    """Who stops a session asks again: it would wait until it takes the program for silent."""
+    with Channel((sys.executable, "-c", "print('on')")) as channel:
+        lines = [channel.next_line(60, lambda: None), *(channel.next_line(1, lambda: None) for _ in range(2))]
+
+    assert lines == ["on", None, None]
+
+
+KEEPS_PIPES = """
+import sys, time
+from pathlib import Path
+end, given_up = map(Path, sys.argv[1:])
+for _ in range(1200):
+    if end.exists():
+        sys.exit()
+    time.sleep(0.05)
+given_up.touch()
+"""
 HANDED_ON = """
 import subprocess, sys
-subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], stdout=sys.stdout, stderr=sys.stderr)
+subprocess.Popen([sys.executable, "-c", *sys.argv[1:]], stdout=sys.stdout, stderr=sys.stderr)
 print("on", flush=True)
 """
 
 
-def test_channel_ends_despite_inherited_pipes() -> None:
+def test_channel_ends_despite_inherited_pipes(tmp_path: Path) -> None:
     """As a connection that ssh keeps for later calls may do."""
-    begin = time.monotonic()
-    with Channel((sys.executable, "-c", HANDED_ON)) as channel:
+    end, given_up = tmp_path / "end", tmp_path / "given up"
+    with Channel((sys.executable, "-c", HANDED_ON, KEEPS_PIPES, str(end), str(given_up))) as channel:
         assert channel.next_line(60, lambda: None) == "on"
         assert channel.code() == 0
 
-    assert time.monotonic() - begin < 50
+    assert not given_up.exists()
+    end.touch()
 
 
 @pytest.mark.needs("windows")
@@ -204,6 +232,13 @@ def test_a_way_that_breaks_loses_the_script() -> None:
     ended = run(Answering(SSH_FAILED, f"{READY}\none\n", "Connection reset\n"), Lines())
 
     assert ended == ScriptLost(why="the connection broke (Connection reset)")
+
+
+@pytest.mark.needs("posix")
+def test_killed_ssh_is_a_way_that_broke() -> None:
+    way = ProgramChannel(host="onboard", target="ops@cell", words=("sh", "-c"))
+
+    assert way.run("kill -9 $$", b"", 60.0).code == SSH_FAILED
 
 
 def test_nothing_is_talked_with() -> None:

@@ -64,7 +64,7 @@ def test_windows_without_hyperv_is_read_otherwise() -> None:
     observation_of(found)
     for probe in ("host_visible", "hypervisor", "machines", "switches", "firmware", "guests"):
         assert (found[probe]["status"], found[probe]["error"]) == ("absent", "0x8004100e"), probe
-        assert "its role Hyper-V is not installed" in found[probe]["message"]
+        assert "the role Hyper-V is not installed" in found[probe]["message"]
     assert found["elevated"] == {"status": "value", "value": True}
     assert found["machine_id"]["status"] == "value"
 
@@ -76,7 +76,7 @@ def test_plan_and_doctor_name_missing_hyperv(tmp_path: Path) -> None:
     examined = rarms("doctor", "-f", str(tmp_path))
 
     assert planned.code == 1
-    assert "its role Hyper-V is not installed" in " ".join(planned.err.split())
+    assert "the role Hyper-V is not installed" in " ".join(planned.err.split())
     assert examined.code == 2
     assert "RARMS233" in examined.out + examined.err
     assert "0x8004100e" in examined.out + examined.err
@@ -147,6 +147,30 @@ def test_a_journal_comes_with_its_owner(tmp_path: Path, monkeypatch: pytest.Monk
 
     assert owner.startswith("S-1-5-")
     assert text == "{}"
+
+
+def test_journal_is_read_while_run_replaces_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The name is missing between the two renames by which Windows replaces a file."""
+    monkeypatch.setenv("PROGRAMDATA", str(tmp_path))
+    (tmp_path / "rarms").mkdir()
+    journal, fresh = (tmp_path / "rarms" / f"journal.jsonl{end}" for end in ("", ".new"))
+    fresh.write_text("{}", encoding="ascii")
+    monkeypatch.setattr(local_windows.time, "sleep", lambda _: fresh.rename(journal))
+
+    assert ThisWindows().journal()[1] == "{}"
+
+
+def test_journal_that_never_began_is_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PROGRAMDATA", str(tmp_path))
+    (tmp_path / "rarms").mkdir()
+    (tmp_path / "rarms" / "journal.jsonl.new").write_text("{", encoding="ascii")
+    looks: list[float] = []
+    monkeypatch.setattr(local_windows.time, "sleep", looks.append)
+
+    with pytest.raises(NotRead) as raised:
+        ThisWindows().journal()
+
+    assert (raised.value.error, sum(looks) <= 1) == ("PathNotFound", True)
 
 
 DISK = """<INSTANCE CLASSNAME="Msvm_VirtualHardDiskSettingData"><PROPERTY NAME="Type" TYPE="uint16"><VALUE>4</VALUE>

@@ -140,7 +140,7 @@ def test_enumeration_that_hyperv_does_not_have_is_refused() -> None:
     machines = document("server-2022-with-strangers")["machines"]["value"]
     machines[0]["start_action"] = "Perhaps"
 
-    with pytest.raises(NotDecodable, match='"Perhaps" is none of Nothing'):
+    with pytest.raises(NotDecodable, match='"Perhaps" is not one of Nothing'):
         to_state(recorded("server-2022-with-strangers", machines=machines), "cell")
 
 
@@ -330,7 +330,7 @@ def test_what_is_no_observation_is_refused(data: bytes) -> None:
 def test_every_probe_is_read() -> None:
     from rarms_iac.powershell.templates import template_text
 
-    text = template_text("observe.ps1").split("$document = ")[1]
+    text = template_text("observe.ps1.j2").split("$document = ")[1]
     probes = {
         line.split(" = ")[0].strip()
         for line in text.splitlines()

@@ -103,7 +103,7 @@ def test_setting_without_member_series_is_none(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
     append_changed(path, "series", value=[])
 
-    with pytest.raises(LogUnreadable, match="series: it is of nothing, not of"):
+    with pytest.raises(LogUnreadable, match="series: it has the components none instead of"):
         read_log(path)
 
 
@@ -111,10 +111,10 @@ def test_setting_without_member_series_is_none(tmp_path: Path) -> None:
     ("before", "after", "message"),
     [
         ("reserve", 0, "0 is not between 1 and 100"),
-        ("reserve", "70", "no whole number"),
-        ("colour", "red", "no such field"),
+        ("reserve", "70", "not a whole number"),
+        ("colour", "red", "field is unknown"),
         ("series", [{"component": "vision"}], "the field is missing"),
-        ("series", {}, "no array"),
+        ("series", {}, "not an array"),
     ],
 )
 def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, message: str) -> None:
@@ -129,12 +129,12 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
     ("column", "value", "message"),
     [
         ("response_ms", [1.0], "different lengths"),
-        ("response_ms", ["1", 2], "no number"),
-        ("began_ms", [None, 2], "no number"),
-        ("unsuccessful", [2], "not there"),
-        ("failures", {"x": "died"}, "no numbers of samples"),
-        ("failures", {"1": 4}, "4 is no text"),
-        ("colours", [], "no such field"),
+        ("response_ms", ["1", 2], "not a number"),
+        ("began_ms", [None, 2], "not a number"),
+        ("unsuccessful", [2], "does not exist"),
+        ("failures", {"x": "died"}, "not numbers of samples"),
+        ("failures", {"1": 4}, "4 is not text"),
+        ("colours", [], "field is unknown"),
     ],
 )
 def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, message: str) -> None:

@@ -8,7 +8,19 @@ import pytest
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import Browser, CommandLoad
-from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount, Samples, Stop, TimeField
+from rarms_iac.model.run import (
+    AttachedService,
+    Container,
+    Elapsed,
+    Periodic,
+    Process,
+    Run,
+    SampleCount,
+    Samples,
+    Service,
+    Stop,
+    TimeField,
+)
 from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, PartialPlatform, compare_header, identity_of
@@ -49,6 +61,13 @@ def test_what_changed_is_named_with_what_it_was() -> None:
 OF_A_RUN: dict[str, object] = {
     "command": ("look",),
     "call": "components.vision:look",
+    "attach": AttachedService(service="nav2"),
+    "container": Container(image="vision:1", engine="podman"),
+    "service": Service(exec=("look",)),
+    "processes": {"eyes": Process(command=("look",))},
+    "user": "robot",
+    "groups": ("video",),
+    "setup": ("install/setup.bash",),
     "environment": {"MODE": "fast"},
     "folder": "src",
     "until": Elapsed(time=milliseconds("20 s")),

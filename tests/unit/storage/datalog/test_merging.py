@@ -99,7 +99,7 @@ def resealed(change: Callable[[dict[str, object]], dict[str, object]]) -> Callab
         (lambda came: b"", "empty"),
         (lambda came: came.split(b"\n", 1)[1], "has no header"),
         (lambda came: came + sealed_line({"header": a_header().digest}), "field is missing"),
-        (lambda came: came + sealed_line({"colour": "red"}), "no such field"),
+        (lambda came: came + sealed_line({"colour": "red"}), "field is unknown"),
         (lambda came: b"<<<<<<< ours\n" + came, "merge conflict"),
         (resealed(lambda header: {**header, "digest": "0" * 16}), "not the digest of this header"),
         (resealed(lambda header: {**header, "platform": "other"}), "not the digest of this header"),
@@ -123,7 +123,7 @@ def test_a_log_of_another_name_is_refused(tmp_path: Path, name: str) -> None:
 def test_a_configuration_log_of_another_component_is_refused(tmp_path: Path) -> None:
     append_to_log(tmp_path / "robot", PROVEN)
 
-    with pytest.raises(LogUnreadable, match="it is of vision, not of speech"):
+    with pytest.raises(LogUnreadable, match="it belongs to vision, not speech"):
         merge_records(tmp_path, CONFIGURATION.replace("vision", "speech"), (tmp_path / "robot").read_bytes())
 
 

@@ -141,7 +141,7 @@ def test_proofs_are_a_table_of_their_own() -> None:
 
     assert "All together, in the applied layout" in page
     assert re.search(r"busy-loop<.*>113\.4 ms<.*>112 to 114\.8 ms<.*>missed<", page, re.DOTALL)
-    assert "All together" not in PAGE
+    assert "All components together" not in PAGE
 
 
 def node(*members: str, low: int = 20, high: int = 60, measured: bool = False, is_gain: bool = True) -> Node:

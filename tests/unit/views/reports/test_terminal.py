@@ -76,7 +76,7 @@ def test_colour_changes_no_sign() -> None:
 
 
 def test_what_cannot_be_plotted_is_said() -> None:
-    assert plot_text(nothing_known()).splitlines()[1] == "  Nothing can be said yet."
+    assert plot_text(nothing_known()).splitlines()[1] == "  No result yet."
     assert plot_text(replace(FACES, threshold=at_most(1))).splitlines()[-1] == (
         "at most 1 ms: not known with this load"
     )

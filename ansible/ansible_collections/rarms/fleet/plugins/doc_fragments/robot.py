@@ -30,7 +30,8 @@ options:
     choices: [failed, unreachable]
     default: failed
 requirements:
-  - rarms-iac on the controller
+  - rarms-iac in the environment of ansible-core on the controller
+  - the same version of rarms on each Linux robot
 attributes:
   check_mode:
     support: none

@@ -127,7 +127,7 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
         super().parse(inventory, loader, path, cache)
         if RARMS_MISSING:
             raise AnsibleParserError(
-                f"rarms.fleet needs the Python package rarms-iac beside ansible-core: {RARMS_MISSING}"
+                f"rarms.fleet needs the Python package rarms-iac in the environment of ansible-core: {RARMS_MISSING}"
             )
         self._read_config_data(path)
         folder = Path(path).resolve().parent

@@ -11,7 +11,8 @@ version_added: 0.1.0
 description:
   - Makes the robot's partitions and CPU reservations as its rarms manifest wants them, in an order in which the robot
     never promises more than it has.
-  - Nothing is installed on a Linux robot. It needs C(sh), C(flock) and root, by C(become) or by the connection.
+  - A Linux robot needs the controller's version of C(rarms), which the role P(rarms.fleet.install#role) puts there, and
+    root, by C(become) or by the connection.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   state:

@@ -13,7 +13,7 @@ description:
   - Run it on one idle robot of each, as the role P(rarms.fleet.measure#role) does.
   - A simulated robot is measured on the controller. A Linux robot measures itself. It needs C(rarms) of the
     controller's version, and the components' files in the folder that the manifest names, C(connect) with C(folder).
-  - The data logs lie beside the manifest on the controller, for git. They grow with each measured setting.
+  - The data logs are next to the manifest on the controller, for git. They grow with each measured setting.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   components:

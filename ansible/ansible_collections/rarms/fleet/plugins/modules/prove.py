@@ -9,7 +9,7 @@ author: The rarms authors (@rarms)
 short_description: Show that the components of a robot meet their thresholds all together
 version_added: 0.1.0
 description:
-  - Runs all components in the layout that is applied, beside the loads of the manifest's policy, and fails where a
+  - Runs all components in the applied layout, under the loads of the manifest's policy, and fails where a
     threshold is missed or was not shown to be met.
   - Uses all idle time of the robot while it lasts.
   - A Linux robot proves itself. It needs C(rarms) of the controller's version, and the components' files in the folder

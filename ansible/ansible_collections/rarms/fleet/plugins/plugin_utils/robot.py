@@ -43,6 +43,14 @@ Result = dict[str, Any]
 LAST_CHARACTERS = 2_000  # of a command's standard error
 COPIES = 8  # bytes, text and lines of an answer, each while it grows
 MOST_REASONS = 3  # findings that the one line of a failed task names; the result has all
+PLAY_ADVICE = {
+    "RARMS100": "To measure, play the role rarms.fleet.measure.",
+    "RARMS115": "To stop its partitions while it measures, set `rarms_measure_stop_partitions: true` for the role, or "
+    "`stop_partitions: true` for the task.",
+    "RARMS182": "To write a new plan, use `state: planned`.",
+    "RARMS410": "To install it on the robot, play the role rarms.fleet.install.",
+}
+"""What a play does about a finding, whose own advice is for the command line."""
 ROBOT_ARGUMENTS = {
     "manifest": {"type": "path"},
     "overlays": {"type": "list", "elements": "path"},
@@ -157,7 +165,7 @@ class RobotAction(ActionBase):
         super().run(tmp, task_vars)
         if RARMS_MISSING:
             raise AnsibleActionFail(
-                f"rarms.fleet needs the Python package rarms-iac beside ansible-core: {RARMS_MISSING}"
+                f"rarms.fleet needs the Python package rarms-iac in the environment of ansible-core: {RARMS_MISSING}"
             )
         arguments = self.validate_argument_spec(argument_spec={**ROBOT_ARGUMENTS, **self.ARGUMENTS})[1]
         variables = task_vars or {}
@@ -273,11 +281,14 @@ def failure(message: str = "", findings: Sequence[Result] = ()) -> Result:
         findings: the reasons, as rarms writes them in JSON.
     """
     errors = [each for each in findings if each["severity"] == "error"] or findings
-    reasons = (f"{each['summary']} ({each['code']}): {each['detail']}" for each in errors[:MOST_REASONS])
+    reasons = [f"{each['summary']} ({each['code']}): {each['detail']}" for each in errors[:MOST_REASONS]]
+    if len(errors) > MOST_REASONS:
+        reasons.append(f"and {len(errors) - MOST_REASONS} more.")
+    advice = dict.fromkeys(PLAY_ADVICE[each["code"]] for each in errors if each["code"] in PLAY_ADVICE)
     return {
         "failed": True,
         "changed": False,
-        "msg": message or "; ".join(reasons),
+        "msg": message or " ".join(["; ".join(reasons), *advice]),
         "findings": list(findings),
         "rarms_unreachable": any(each["values"].get("unreachable", False) for each in findings),
     }

@@ -1,0 +1,268 @@
+"""Findings on who had the processor time: work outside of its partition, loads that left processors idle, kills.
+
+`work_of_settings` looks through the settings of an experiment, `weak_answer` reports loads that leave processors idle.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from statistics import fmean
+from typing import Any
+
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
+from rarms_iac.measuring.evidence import idle_share
+from rarms_iac.measuring.findings import MORE_MEMORY, why_out_of_memory
+from rarms_iac.measuring.message_findings import messages_of_evidence
+from rarms_iac.model.capacity import shared_processors
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.host import Host
+from rarms_iac.model.loads import BUSY_LOOP, could_take_all
+from rarms_iac.model.quantities import show_duration, show_processors
+from rarms_iac.model.series import Series
+from rarms_iac.model.setting import (
+    ALL_PARTITIONS,
+    P1,
+    P2,
+    P2_SECOND,
+    OutsideWork,
+    Setting,
+    SettingEvidence,
+    ThreadsSeen,
+)
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.running.work_places import add_up
+from rarms_iac.statistics.samples import response_times
+
+WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")
+MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes that needed more memory")
+WORK_OUTSIDE = Finding.warning("RARMS393", "A component's work runs outside its partition")
+BUSY_HOST = Finding.note("RARMS392", "Other programs used more processor time than the component")
+
+THREADS = Finding.warning("RARMS395", "Threads do not have the priority of their task class")
+
+LEAST_USE = 1e-3
+"""Processor time for each unit of response time: a component that uses less mostly waits."""
+
+_ID = re.compile(r"[0-9a-f]{16,}")
+"""The id of a container or of a transient unit in a group's name: each start has another."""
+
+SAME_TIMES = 0.1
+"""Mean response times that differ by at most this part do not change with CR."""
+
+
+def work_of_evidence(
+    names: Sequence[str], evidence: Sequence[SettingEvidence], places: Places, *, reserved: bool = True
+) -> Iterator[Diagnostic]:
+    """Find work outside of the components' groups, and processes killed for memory.
+
+    Args:
+        evidence: Counts of the host, of each setting or start; entries of one process and group are added up.
+        reserved: whether the components ran in partitions; without, other programs' work says nothing about them.
+    """
+    found = add_up(replace(work, group=_ID.sub("*", work.group)) for each in evidence for work in each.outside)
+    escaped = [work for work in found if work.component]
+    others = [work for work in found if not work.component]
+    if escaped:
+        yield WORK_OUTSIDE.at(
+            places.key("components", names[0]),
+            "Processes of {_left} left their group: {_processes:;}. The reservation does not reach them.",
+            'Start the work in the partition: a container with --cgroup-parent "$RARMS_CGROUP_PARENT", a unit of '
+            "systemd with --slice.",
+            **_facts_of_work(names, escaped),
+            _left=in_a_row(sorted({work.component for work in escaped})),
+        )
+    if others and reserved:
+        yield BUSY_HOST.at(
+            places.key("components", names[0]),
+            "While {_names} ran, other programs used more processor time: {_processes:;}.",
+            "Nothing, if they work for others: the reservation holds against them. If one of them does the work of "
+            f"{in_a_row(names)}, start it in the same partition.",
+            **_facts_of_work(names, others),
+            _names=in_a_row(names),
+        )
+    killed = Counter[str]()
+    for each in evidence:
+        killed.update(each.out_of_memory)
+    for component, count in sorted(killed.items()):
+        yield MEMORY_KILLS.at(
+            places.key("components", component),
+            "{component}:{_kills}",
+            MORE_MEMORY,
+            address=f"component/{component}",
+            component=component,
+            killed_for_memory=count,
+            _kills=why_out_of_memory(count),
+        )
+    threads = {name: seen for each in evidence for name, seen in each.threads.items()}
+    for component, seen in sorted(threads.items()):
+        yield _threads_without_priority(component, seen, places)
+
+
+def _facts_of_work(names: Sequence[str], found: Sequence[OutsideWork]) -> dict[str, Any]:
+    return {
+        "address": f"component/{names[0]}",
+        "components": tuple(names),
+        "processes": tuple(work.name for work in found),
+        "groups": tuple(work.group for work in found),
+        "outside_cpu_ms": sum(work.cpu_ms for work in found),
+        "_processes": tuple(map(_described, found)),
+    }
+
+
+def _threads_without_priority(component: str, seen: ThreadsSeen, places: Places) -> Diagnostic:
+    refused = f" The kernel refused the priority to {seen.refused}." if seen.refused else ""
+    unmatched = f" No thread has the name {in_a_row(seen.unmatched, 'or')}." if seen.unmatched else ""
+    names = f" Its threads: {', '.join(seen.names)}." if seen.unmatched and seen.names else ""
+    return THREADS.at(
+        places.value("components", component, "task"),
+        "{component}:{_sentences}",
+        "Correct `threads`: the kernel keeps 15 characters of a name, and shows it in /proc/PID/task/*/comm."
+        if seen.unmatched
+        else "Run rarms as root, and leave the group a real-time budget (docs/task-classes.md).",
+        address=f"component/{component}",
+        component=component,
+        unmatched=seen.unmatched,
+        threads=seen.names,
+        refused=seen.refused,
+        _sentences=f"{unmatched}{names}{refused}",
+    )
+
+
+def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places: Places) -> Iterator[Diagnostic]:
+    """Find work outside of P1, components that wait, kills for memory and stamps of other clocks.
+
+    Args:
+        settings: All settings, with one load or several.
+    """
+    evidence = [setting.evidence for setting in settings if setting.evidence is not None]
+    yield from work_of_evidence(experiment.setup.members, evidence, places)
+    yield from messages_of_evidence(evidence, places)
+    by_reserve: dict[str, dict[int, list[Series]]] = {}
+    for setting in settings:
+        if setting.evidence is not None:
+            for series in setting.series:
+                by_reserve.setdefault(series.component, {}).setdefault(setting.reserve, []).append(series)
+    for name, series_at in sorted(by_reserve.items()):
+        if (use := unused_time(series_at)) is not None:
+            low, high = min(series_at), max(series_at)
+            yield WORK_OUTSIDE.at(
+                places.key("components", name),
+                "{component} used {_shown} of processor time in each second of response time, and its "
+                "response times are the same at {lowest} % and at {highest} % of its VPs.",
+                prose("Find out where its work runs. A reservation does not help if it waits for another machine."),
+                address=f"component/{name}",
+                component=name,
+                cpu_ms_per_second=use * 1000,
+                lowest=low,
+                highest=high,
+                _shown=_shown(use * 1000),
+            )
+
+
+def unused_time(series_at: Mapping[int, Sequence[Series]]) -> float | None:
+    """Return the processor time for each unit of response time of a component that only waits.
+
+    Returns:
+        Less than `LEAST_USE`; None: it used more, a series has no `cpu_ms`, fewer than two reserves were measured, or
+        its mean response times differ by more than `SAME_TIMES`.
+    """
+    used = answered = 0.0
+    means = []
+    for all_series in series_at.values():
+        times = [time for series in all_series for time in response_times(series.samples)]
+        if not times or any(series.cpu_ms is None for series in all_series):
+            return None
+        used += sum(series.cpu_ms or 0.0 for series in all_series)
+        answered += sum(times)
+        means.append(fmean(times))
+    if len(means) < 2 or not answered or used >= LEAST_USE * answered:
+        return None
+    return used / answered if max(means) <= (1 + SAME_TIMES) * min(means) else None
+
+
+def _shown(time_ms: float) -> str:
+    return f"{time_ms:.2g} ms" if time_ms < 10 else f"{time_ms:.0f} ms"
+
+
+def _described(work: OutsideWork) -> str:
+    name = work.name if work.processes else "processes that ended"
+    return f"{name}{f' in {work.group}' if work.group.strip('/') else ''} {_shown(work.cpu_ms)}"
+
+
+LEAST_SHARE = 0.01
+"""Part of the processor time from which a process or limit is listed."""
+
+_LIMITS = {
+    P1: "the limit of P1",
+    P2: "the limit of P2",
+    P2_SECOND: "the limit of the second part of P2",
+    ALL_PARTITIONS: "the limit of all partitions",
+}
+
+
+def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
+    """Describe the processor time that a load did not use, and the processes that used it.
+
+    Returns:
+        Sentences.
+    """
+    shared = shared_processors(host, host.logical_processors)
+    whole_ms = evidence.elapsed_ms * float(shared)
+    idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)}."
+    had = [
+        f"{work.name}{f' in {work.group}' if work.group.strip('/') else ''} had {100 * work.cpu_ms / whole_ms:.0f} %"
+        for work in evidence.others
+        if work.cpu_ms >= LEAST_SHARE * whole_ms
+    ]
+    limits = [
+        f"{_LIMITS[name]} stopped its threads for {show_duration(time_ms)} in total on all processors"
+        for name, time_ms in sorted(evidence.throttled_ms.items())
+        if name in _LIMITS and time_ms >= LEAST_SHARE * evidence.elapsed_ms
+    ]
+    reasons = [f"Of {show_processors(shared)}, {in_a_row(had)}."] if had else []
+    reasons += [f"{reason[0].upper()}{reason[1:]}." for reason in limits]
+    return " ".join((idle, *(reasons or ["No other process and no limit was the cause: the load waited."])))
+
+
+def weak_answer(
+    hosts: Hosts, members: tuple[str, ...], idle: Mapping[str, SettingEvidence | None], host: Host
+) -> Diagnostic:
+    """Make the finding on a result whose loads leave processors idle.
+
+    Args:
+        hosts: The manifest, with the positions of its lines.
+        idle: By load, the counts of a setting in which it left processors idle; None: no such setting.
+    """
+    loads = tuple(idle)
+    seen = {name: evidence for name, evidence in idle.items() if evidence is not None}
+    idle_loads = "".join(f" {describe_idle(name, evidence, host)}" for name, evidence in seen.items())
+    facts: dict[str, Any] = {}
+    for evidence in [*seen.values()][:1]:
+        facts = {
+            "idle_percent": 100 * idle_share(evidence, shared_processors(host, host.logical_processors)),
+            "processes": tuple(work.name for work in evidence.others),
+            "groups": tuple(work.group for work in evidence.others),
+            "throttled_ms": sum(evidence.throttled_ms.values()),
+        }
+    again = BUSY_LOOP in loads and could_take_all(hosts.system.interference[BUSY_LOOP], host.logical_processors)
+    measure = command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1, again=again)
+    advice = advice_on_weak_loads(hosts.system, host, members, loads, measure)
+    return WEAK_ANSWER.at(
+        hosts.manifest.places.key("components", members[0]),
+        (
+            "{loads:all} {_verb} not use all the processor time that {components:all} left free on "
+            "{host}.{_idle_loads} The reservation may be too small with other loads."
+        ),
+        prose(advice, " Or accept it: --weak-load."),
+        address=f"component/{members[0]}",
+        components=tuple(members),
+        loads=loads,
+        host=host.name,
+        _verb="did" if idle_loads else "can",
+        _idle_loads=idle_loads,
+        **facts,
+    )

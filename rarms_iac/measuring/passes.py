@@ -1,0 +1,109 @@
+"""The passes of `rarms measure`: first a provisional answer for every partition, then the bounds.
+
+The first pass has a few short settings with the load that decides most often, then one with each other load, and more
+where that one asks for more. Later passes add the precision of the policy, the least known partition first. Begin at
+`first_pass`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+
+from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.run_experiment import decisive, next_experiment, run_experiment, with_result
+from rarms_iac.measuring.session import MeasuringSession
+from rarms_iac.measuring.strategies import FirstPass
+from rarms_iac.measuring.units import Units, describe_processors
+from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.loads import load_of_first_pass
+
+Group = tuple[Experiment, ...]
+"""The same components on the same host, one experiment a load."""
+
+
+def first_pass(
+    session: MeasuringSession, groups: Sequence[Group], *, more_follows: bool
+) -> tuple[tuple[ExperimentResult, ...], ...]:
+    """Find a provisional reservation for each partition: first for all with one load, then with the others.
+
+    Returns:
+        The results of each group, one a load, in their order; of fewer groups where an end was asked for.
+    """
+    found: list[tuple[ExperimentResult, ...]] = []
+    ordered = tuple(map(begin_with_hardest, groups))
+    units = Units(reporter=session.control.reporter.settings, of=sum(map(len, groups)), more_follows=more_follows)
+    for group in ordered:
+        found.append(_look_with(session, group, (), 1, units))
+        if any(each.stopped for each in found[-1]):
+            return tuple(found)
+    if words := describe_processors([each for results in found for each in results]):
+        session.control.reporter.message(words)
+    for number, group in enumerate(ordered):
+        found[number] = _look_with(session, group, found[number], len(group), units)
+        if any(each.stopped for each in found[number]):
+            break
+    return tuple(found)
+
+
+def _look_with(
+    session: MeasuringSession, group: Group, results: tuple[ExperimentResult, ...], loads: int, units: Units
+) -> tuple[ExperimentResult, ...]:
+    """Go on with a group until it has results with so many loads, or has no answer."""
+    while len(results) < loads and (asked := next_experiment(group, results, FirstPass())) is not None:
+        result = run_experiment(session, *asked)
+        units.add(result)
+        results = with_result(group, results, result)
+    return results
+
+
+def later_passes(groups: Sequence[Group], looks: Sequence[Sequence[ExperimentResult]]) -> tuple[Group, ...]:
+    """Order what follows the first pass: the least known partition first, and of each the load that decided there.
+
+    Args:
+        looks: as of `first_pass`.
+    """
+    answers = [_hardest(of_loads) for of_loads in looks]
+    known = sorted(zip(answers, groups, strict=True), key=lambda each: -_doubt(each[0]))
+    return tuple(begin_with_hardest(group, look.interference) for look, group in known)
+
+
+def _hardest(of_loads: Sequence[ExperimentResult]) -> ExperimentResult:
+    """Return the result that decides; of several with one answer that with the highest lower setting that failed.
+
+    So the same command begins with the load with which it searched before, not with one that only confirmed.
+    """
+    answer = decisive(of_loads)
+    if answer.reserve is None:
+        return answer
+    return max((each for each in of_loads if each.reserve == answer.reserve), key=lambda each: each.failed or 0)
+
+
+def begin_with_hardest(group: Group, name: str = "") -> Group:
+    """Return a group with one load in front; all loads share the budget in this order.
+
+    Args:
+        name: of the load; empty: the one that decides most often.
+    """
+    name = name or load_of_first_pass({each.setup.interference: each.load for each in group})
+    ordered = sorted(group, key=lambda each: each.setup.interference != name)
+    loads = tuple(each.load for each in ordered)
+    return tuple(replace(each, loads=loads) for each in ordered)
+
+
+def _doubt(look: ExperimentResult) -> float:
+    """Return which part of an answer is not known yet: 0 where it is final, infinite without one."""
+    if look.reserve is None:
+        return inf
+    return (look.reserve - (look.failed or 0)) / look.reserve if look.is_provisional else 0.0
+
+
+def is_of(look: Sequence[ExperimentResult], group: Sequence[Experiment]) -> bool:
+    """Tell whether results of the first pass are of this partition."""
+    first = group[0]
+    return any((each.host, each.components) == (first.host.name, first.setup.members) for each in look)
+
+
+def in_order_of(results: Sequence[ExperimentResult], experiments: Sequence[Experiment]) -> tuple[ExperimentResult, ...]:
+    """Return results partition by partition, in the order in which experiments were asked for."""
+    asked = list(dict.fromkeys((each.host.name, each.setup.members) for each in experiments))
+    return tuple(sorted(results, key=lambda each: asked.index((each.host, each.components))))

@@ -1,0 +1,122 @@
+"""Units of work of `rarms measure`: a partition with one load. Each is reported when it ends. Begin at `Units`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import isinf
+
+from rarms_iac.app.control import FinishedUnit, MeasuringReporter, UnitEnding, UnitValue, WorkBegun
+from rarms_iac.measuring.evidence import measured_indexes
+from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.search.bracketing import MOST
+from rarms_iac.model.experiment import Experiment
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient
+from rarms_iac.model.quantities import guaranteed, show_duration
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.statistics.first_look import point_estimate
+
+
+@dataclass(slots=True, kw_only=True)
+class Units:
+    """The units of one pass, as they end."""
+
+    reporter: MeasuringReporter
+    of: int
+    more_follows: bool = False
+    _ended: int = field(default=0)
+
+    def __post_init__(self) -> None:
+        self.reporter.work_begun(WorkBegun(units=self.of, more_follows=self.more_follows))
+
+    def add(self, result: ExperimentResult) -> None:
+        """Report that a unit has its result; one that was stopped is none."""
+        if isinstance(result.conclusion, Stopped):
+            return
+        self._ended += 1
+        self.reporter.unit_ended(unit_of(result, self._ended, max(self.of, self._ended)))
+
+
+def unit_of(result: ExperimentResult, number: int, of: int) -> FinishedUnit:
+    """Return the report of a unit: its answer, with the values measured there."""
+    conclusion, setup = result.conclusion, result.experiment.setup
+    at = conclusion.reserve if isinstance(conclusion, Sufficient | NotAchievable | SettingFailed) else None
+    return FinishedUnit(
+        number=number,
+        of=of,
+        subject=result.experiment.name,
+        load=setup.interference,
+        reserved_lp=None if at is None else guaranteed(at, setup.processors),
+        values=() if at is None else _values(result, at),
+        ending=_ending(result),
+    )
+
+
+def _ending(result: ExperimentResult) -> UnitEnding:
+    match result.conclusion:
+        case Sufficient() if result.is_weak:
+            return "no answer"
+        case Sufficient():
+            return "provisional" if result.is_provisional else "met"
+        case NotAchievable():
+            return "missed"
+        case SettingFailed():
+            return "too many failed samples"
+        case _:
+            return "no answer" if result.is_provisional else "not shown yet"
+
+
+def _values(result: ExperimentResult, reserve: int) -> tuple[UnitValue, ...]:
+    found = []
+    for setting in (setting for setting in result.settings if setting.reserve == reserve):
+        for index in measured_indexes(setting, result.experiment):
+            series = next(each for each in setting.series if each.component == index.component)
+            estimated = point_estimate(index.index, series, result.experiment.runs[index.component])
+            value = None if index.estimate is None else index.estimate.value
+            if result.is_provisional and estimated is not None:
+                value = None if isinf(estimated.value) else estimated.value
+            if value is not None and index.threshold is not None:
+                found.append(UnitValue(index=index.index, value=value, threshold=index.threshold))
+    return tuple(found)
+
+
+USUAL_MS, USUAL_FURTHER_MS = 45_000, 15_000
+"""The host's time that the first pass takes for a partition with one load, and with each further one: the medians of
+random components."""
+
+
+def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str:
+    """Return the sentence with which measuring begins: how much there is, and the longest it may take in all.
+
+    Args:
+        groups: the experiments of each partition, one a load.
+        quick: there is only the first pass.
+    """
+    hosts = {group[0].host.name: group[0].host.provider is ProviderKind.SIMULATED for group in groups}
+    names = in_a_row([f"{name} (simulated)" if is_simulated else name for name, is_simulated in hosts.items()])
+    components = counted(sum(len(group[0].setup.members) for group in groups), "component")
+    loads = counted(max(len(group) for group in groups), "load")
+    usual_ms = sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
+    most_ms = sum(MOST * len(group) * group[0].budget.most_ms for group in groups)
+    begins = f"Measuring {components} x {loads} on {names}: a first pass of about"
+    first = f"{begins} {show_duration(usual_ms)} of host time"
+    return f"{first}." if quick else f"{first}, then at most {show_duration(most_ms)}."
+
+
+def describe_missing_part(host: str, loads: Sequence[str]) -> str:
+    """Return the sentence on loads that run in one partition, as the host has no memory for a second one."""
+    return f"{host} has no memory for a second partition of load; one runs {in_a_row(list(dict.fromkeys(loads)))}."
+
+
+def describe_processors(results: Sequence[ExperimentResult]) -> str:
+    """Return the numbers of processors that components use where these are not the host's; empty: none differs."""
+    by_number: dict[int, list[str]] = {}
+    for result in results:
+        if not result.experiment.fixes_processors and result.processors < result.experiment.host.logical_processors:
+            by_number.setdefault(result.processors, []).append(result.experiment.name)
+    if not by_number:
+        return ""
+    for number, names in by_number.items():
+        if 1 < len(names) == len(results):
+            return f"Each uses {counted(number, 'processor')}: measuring with {counted(number, 'VP')}."
+    words = [f"{in_a_row(names)} with {counted(number, 'VP')}" for number, names in sorted(by_number.items())]
+    return f"Measuring with the processors in use: {'; '.join(words)}."

@@ -1,0 +1,176 @@
+"""Subscribes to two topics of ROS and sends when each message came, with its stamp. A program of its own.
+
+Arguments: 1 or 2 (the version of ROS), the input topic and the output topic. It runs next to the component's partition,
+with the Python that has rospy or rclpy (3.8 or newer). Messages are not decoded: their header comes first in their
+bytes, so their Python classes need not be installed for ROS 1.
+
+Standard output has a JSON object a line, of one write:
+
+- `{"topic": "input", "stamp": 1700000000500000000, "at": 12.5, "ahead_ms": -0.4}`: a message. `stamp` is in ns, `at` is
+  `time.perf_counter`, which all processes of Linux share, and `ahead_ms` is the stamp less this machine's clock.
+- `{"delay_ms": 0.3}`: how long a message that it publishes to itself takes. `{"simulated": true}`: `use_sim_time`.
+- `{"no_master": "http://..."}`: ROS 1 has no master there yet.
+- `{"waits_for": "..."}`: what is not there yet. `{"cannot": "..."}`: why no message can be used; it then ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import struct
+import sys
+import time
+from typing import Any
+
+PROBE_S = 0.1
+"""How often it measures its own delay."""
+WAIT_S = 0.2
+HEADERS = ("Header", "std_msgs/Header", "std_msgs/msg/Header")
+QUEUE = 1000
+_FIELD = re.compile(r"^\s*([\w/\[\]<>=]+)\s+\w+\s*(#.*)?$")
+
+
+def main(words: list[str]) -> None:
+    """Subscribe, and send what comes until the reader has gone."""
+    version, source, target = words
+    (subscribe_1 if version == "1" else subscribe_2)({"input": source, "output": target})
+
+
+def send(**values: object) -> None:
+    """Send a JSON object in one write, which a pipe does not tear; end where nobody reads it."""
+    try:
+        os.write(1, json.dumps(values).encode() + b"\n")
+    except BrokenPipeError:
+        os._exit(0)
+
+
+def give_up(reason: str) -> None:
+    """Send why no message can be used, and end all threads."""
+    send(cannot=reason)
+    os._exit(1)
+
+
+def send_message(role: str, stamp: int, at: float) -> None:
+    """Send that a message came; the role `delay` is that of this program's own ones."""
+    ahead_ms = (stamp - time.time_ns()) / 1e6 + 1000 * (time.perf_counter() - at)
+    if role == "delay":
+        send(delay_ms=max(0.0, -ahead_ms))
+    else:
+        send(topic=role, stamp=stamp, at=at, ahead_ms=ahead_ms)
+
+
+def first_field(definition: str) -> str:
+    """Return the type of the first field in the definition of a ROS 1 message; constants are no fields."""
+    for line in definition.splitlines():
+        found = _FIELD.match(line)
+        if found:
+            return found.group(1)
+    return ""
+
+
+def subscribe_1(topics: dict[str, str]) -> None:
+    """Subscribe with rospy."""
+    import rospy  # type: ignore[import-not-found,unused-ignore]
+    from std_msgs.msg import Header  # type: ignore[import-not-found,unused-ignore]
+
+    socket.setdefaulttimeout(5.0)
+    while True:
+        try:
+            rospy.get_master().getPid()
+            break
+        except (OSError, rospy.ROSException):
+            send(no_master=os.environ.get("ROS_MASTER_URI", "http://localhost:11311"))
+            time.sleep(WAIT_S)
+    socket.setdefaulttimeout(None)
+    rospy.init_node("rarms_samples", anonymous=True, disable_signals=True)
+    send(simulated=bool(rospy.get_param("/use_sim_time", False)))
+
+    def listen(role: str, topic: str) -> None:
+        known: dict[str, bool] = {}  # whether it begins with a header, by type
+
+        def take(message: Any) -> None:
+            at = time.perf_counter()
+            kind = message._connection_header["type"]  # noqa: SLF001 - rospy offers it nowhere else
+            if kind not in known:
+                definition = message._connection_header.get("message_definition", "")  # noqa: SLF001
+                known[kind] = kind in HEADERS or first_field(definition) in HEADERS
+            if not known[kind]:
+                give_up(without_header(topic, kind))
+            _, seconds, nanoseconds = struct.unpack_from("<III", message._buff)  # noqa: SLF001
+            send_message(role, seconds * 10**9 + nanoseconds, at)
+
+        rospy.Subscriber(topic, rospy.AnyMsg, take, queue_size=QUEUE, tcp_nodelay=True)
+
+    probe = rospy.Publisher(rospy.get_name() + "/delay", Header, queue_size=1, tcp_nodelay=True)
+    for role, topic in {**topics, "delay": rospy.get_name() + "/delay"}.items():
+        listen(role, topic)
+    while not rospy.is_shutdown():
+        time.sleep(PROBE_S)
+        now = time.time_ns()
+        probe.publish(Header(stamp=rospy.Time(now // 10**9, now % 10**9)))
+
+
+def without_header(topic: str, kind: str) -> str:
+    """Say that the messages of a topic have no stamp."""
+    return f"messages of {topic} have the type {kind}, which has no header at its beginning"
+
+
+def cdr_stamp(data: bytes) -> int:
+    """Return the stamp of a serialized ROS 2 message that begins with a header, in ns."""
+    seconds, nanoseconds = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
+    return int(seconds) * 10**9 + int(nanoseconds)
+
+
+def subscribe_2(topics: dict[str, str]) -> None:
+    """Subscribe with rclpy."""
+    import rclpy  # type: ignore[import-not-found,unused-ignore]
+    from rclpy.qos import QoSProfile, QoSReliabilityPolicy  # type: ignore[import-not-found,unused-ignore]
+    from rosidl_runtime_py.utilities import get_message  # type: ignore[import-not-found,unused-ignore]
+
+    rclpy.init()
+    name = f"rarms_samples_{os.getpid()}"
+    node = rclpy.create_node(name)
+    # Best effort takes messages of reliable publishers, too; the contrary would hear nothing of a camera.
+    quality = QoSProfile(depth=QUEUE, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+
+    def listen(role: str, topic: str, kind: str) -> None:
+        message_class = get_message(kind)
+        fields = list(message_class.get_fields_and_field_types().values())
+        if kind not in HEADERS and fields[:1] not in ([header.replace("/msg", "")] for header in HEADERS):
+            give_up(without_header(topic, kind))
+
+        def take(data: bytes) -> None:
+            at = time.perf_counter()
+            send_message(role, cdr_stamp(data), at)
+
+        node.create_subscription(message_class, topic, take, quality, raw=True)
+
+    header_class, time_class = get_message("std_msgs/msg/Header"), get_message("builtin_interfaces/msg/Time")
+    probe = node.create_publisher(header_class, name + "/delay", quality)
+    listen("delay", name + "/delay", "std_msgs/msg/Header")
+    unknown = dict(topics)
+    next_probe = next_search = 0.0
+    while rclpy.ok():
+        now = time.perf_counter()
+        if unknown and now >= next_search:
+            next_search = now + WAIT_S
+            kinds = dict(node.get_topic_names_and_types())
+            for role, topic in list(unknown.items()):
+                if topic in kinds:
+                    listen(role, topic, kinds[topic][0])
+                    del unknown[role]
+            if unknown:
+                send(waits_for="a publisher of " + " and of ".join(unknown.values()))
+            else:
+                send(simulated=node.count_publishers("/clock") > 0)
+        if now >= next_probe:
+            next_probe = now + PROBE_S
+            seconds, nanoseconds = divmod(time.time_ns(), 10**9)
+            probe.publish(header_class(stamp=time_class(sec=seconds, nanosec=nanoseconds)))
+        rclpy.spin_once(node, timeout_sec=max(0.0, next_probe - time.perf_counter()))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

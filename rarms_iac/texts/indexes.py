@@ -1,0 +1,44 @@
+"""Values of performance indexes, their ranges and thresholds as text."""
+
+from fractions import Fraction
+from math import isfinite
+
+from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.quantities import UNITS, plain, show_number
+from rarms_iac.model.system import Threshold
+
+
+def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Threshold | None = None) -> str:
+    """Return a value of the index with its unit.
+
+    Args:
+        value: in the index's own unit. A fraction is exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`,
+            `0.0123 /s`), and may be infinite (`no bound`).
+        threshold: it is shown in the unit that the user wrote there, and if it misses it, never reads as it.
+    """
+    units = UNITS[index.unit]
+    unit = threshold.unit if threshold and threshold.unit in units else index.symbol  # a log may name any unit
+    size = units[unit]
+    if not isinstance(value, float):
+        return f"{plain(value / size)} {unit}"
+    if not isfinite(value):
+        return show_number(value)
+    return f"{show_number(value / float(size), *([float(threshold.value / size)] if threshold else []))} {unit}"
+
+
+def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
+    """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`."""
+    match isfinite(lower), isfinite(upper):
+        case True, False:
+            return f"at least {show_value(index, lower)}, no upper bound yet"
+        case False, True:
+            return f"at most {show_value(index, upper)}, no lower bound yet"
+        case False, False:
+            return "no bounds yet"
+        case _:
+            return f"{show_number(lower)} to {show_value(index, upper)}"
+
+
+def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
+    """Write a threshold as `at most 100 ms`."""
+    return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value, threshold)}"

@@ -1,0 +1,131 @@
+<#
+.SYNOPSIS
+    rarms apply script: plan 4e77c8f3ca66 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+.DESCRIPTION
+    2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    machine  processors  reserve                weight  memory   disk  switch  secure boot  start
+    door     1           1 LP (100 % of each)   100     256 MiB  none  none    default      start
+    speech   1           0.8 LP (80 % of each)  200     512 MiB  none  none    default      start
+    Time: a few seconds for each call. It waits 60 s while machines start, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something (and how often): New-VM 2, Remove-VMNetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 4, Start-VM 2, Write-Mark 2.
+.PARAMETER AsJson
+    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
+.PARAMETER LockTimeout
+    Seconds to wait for another run on this computer to end, 0 to 86400.
+.PARAMETER Abandon
+    Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing before it stops, removes or deletes.
+.PARAMETER Test
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
+.EXAMPLE
+    .\onboard.ps1 -WhatIf
+    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
+.NOTES
+    Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo fc840efce594a4076fce8b84de0449b85ee307b843af6a96b3634d1e68ea9c38, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
+#>
+
+#Requires -Version 5.1
+#Requires -Modules Hyper-V
+#Requires -RunAsAdministrator
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+$PSDefaultParameterValues = @{}
+$ErrorActionPreference = 'Stop'
+$VerbosePreference = 'SilentlyContinue'
+Set-StrictMode -Version 3.0
+$plan = {
+    $script:Plan = @{
+        Run = 'apply'; Purpose = 'apply'; Plan = '4e77c8f3ca66'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fc840efce594a4076fce8b84de0449b85ee307b843af6a96b3634d1e68ea9c38'
+        Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
+        LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
+    }
+    # === door: it does not exist (rarms.yaml:14:3) ================================================
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
+    Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
+        exists = $true; generation = 2; memory = 268435456
+    } -Set { Hyper-V\New-VM -Name 'door.rarms-4e77c8f3ca66' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
+        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
+        processors = 1; reserve = 100; set = '5805e8f8f9bc'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
+    } -Set {
+        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 268435456 }
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+        if (Test-Open -Name 'mark', 'set') { Write-Mark }
+        if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 100 -Maximum 100 -RelativeWeight 100 }
+        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'door' }
+    }
+
+    # === speech: it does not exist (rarms.yaml:13:3) ==============================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
+    Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
+        exists = $true; generation = 2; memory = 536870912
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-4e77c8f3ca66' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
+        adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
+        name = 'speech'; processors = 1; reserve = 80; set = '6e07bbd865ca'; start_action = 'start'; state = 'off'
+        stop_action = 'shut_down'; weight = 200
+    } -Set {
+        if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912 }
+        if (Test-Open -Name 'adapters') { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+        if (Test-Open -Name 'mark', 'set') { Write-Mark }
+        if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 80 -Maximum 100 -RelativeWeight 200 }
+        if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
+        if (Test-Open -Name 'name') { Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech' }
+    }
+    Add-Step -Action 'for its start: reserve 0.8 -> 1 LP (80 -> 100 % of its processor)' -Before @{ exists = $true } -After @{
+        limit = 100; reserve = 100; weight = 200
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 100 -Maximum 100 -RelativeWeight 200 }
+    # === speech: start it (rarms.yaml:13:3) =======================================================
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
+    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 100 -Memory 536870912 } -Before @{ state = 'off' } -After @{
+        state = 'running'
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
+    Add-Step -Action '60 s after its start: reserve 1 -> 0.8 LP (100 -> 80 % of its processor)' -Before @{ exists = $true } -After @{
+        limit = 100; reserve = 80; weight = 200
+    } -Set {
+        Wait-Start -Milliseconds 60000
+        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 200
+    }
+    # === door: start it (rarms.yaml:14:3) =========================================================
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
+    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 100 -Memory 268435456 } -Before @{ state = 'off' } -After @{
+        state = 'running'
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
+}
+#region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
+$folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
+$digests = @{
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
+}
+$form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
+foreach ($name in @($digests.Keys)) {
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
+}
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
+#endregion
+$code = 1
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
+$run = @{
+    Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
+}
+$invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
+& $invoke -Run $run
+exit $code

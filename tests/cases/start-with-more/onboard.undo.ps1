@@ -1,0 +1,94 @@
+<#
+.SYNOPSIS
+    rarms undo script: plan 4e77c8f3ca66 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+.DESCRIPTION
+    0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
+    name    the running step  off
+    door    stopped; removed  for good, after at most 120 s
+    speech  stopped; removed  for good, after at most 120 s
+    Time: a few seconds for each call. It waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something (and how often): Remove-VM 2, Stop-Partition 2.
+.PARAMETER AsJson
+    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
+.PARAMETER LockTimeout
+    Seconds to wait for another run on this computer to end, 0 to 86400.
+.PARAMETER Abandon
+    Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing before it stops, removes or deletes.
+.PARAMETER Test
+    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
+.EXAMPLE
+    .\onboard.undo.ps1 -WhatIf
+    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
+.NOTES
+    Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
+#>
+
+#Requires -Version 5.1
+#Requires -Modules Hyper-V
+#Requires -RunAsAdministrator
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force, [switch] $Test)
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+$PSDefaultParameterValues = @{}
+$ErrorActionPreference = 'Stop'
+$VerbosePreference = 'SilentlyContinue'
+Set-StrictMode -Version 3.0
+$plan = {
+    $script:Plan = @{
+        Run = 'undo'; Purpose = 'apply'; Plan = '4e77c8f3ca66'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = ''; UndoDigest = ''
+        Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
+    }
+    # === door: undoes the steps of the apply script, the last one first (rarms.yaml:14:3) =========
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
+    Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 7 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
+
+    # === speech: undoes the steps of the apply script, the last one first (rarms.yaml:13:3) =======
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
+    Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 5 -Before @{ state = 'running' } -After @{
+        state = 'off'
+    } -Set { Stop-Partition -GraceMs 120000 }
+    Add-Step -Action 'remove the machine' -Undoes 2 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+        Hyper-V\Remove-VM -VM $script:Vm -Force
+    }
+    Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
+    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+        Hyper-V\Remove-VM -VM $script:Vm -Force
+    }
+}
+#region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
+$folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
+$digests = @{
+    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
+    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
+}
+$form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
+foreach ($name in @($digests.Keys)) {
+    $file = [System.IO.Path]::Combine($folder, $name)
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    $data = [System.IO.File]::ReadAllBytes($file)
+    $text = [System.Text.Encoding]::ASCII.GetString($data)
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
+    if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
+    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
+    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
+}
+$file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
+$rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
+#endregion
+$code = 1
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
+$run = @{
+    Caller = $PSCmdlet; ScriptPath = $PSCommandPath; ModulePath = $folder; ExitCode = [ref] $code; Plan = $plan
+    Preview = $WhatIfPreference; Confirmation = $ConfirmPreference; AsJson = $AsJson; Test = $Test
+    LockTimeout = $LockTimeout; Abandon = $Abandon
+}
+$invoke = $rarms.ExportedFunctions['Invoke-RarmsPlan']
+& $invoke -Run $run
+exit $code

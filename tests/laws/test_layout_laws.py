@@ -1,0 +1,105 @@
+"""What a component shows alone with the default loads, it keeps in a layout with them: 8 random layouts, or 40.
+
+Each layout is drawn with its reservations. The threshold of each index is what the component shows alone with the load
+that delays it most; in the layout no load may delay it more, but for noise. Percentiles of jobs shorter than 5 ms do
+not always keep to it: they depend on how often a component waits.
+"""
+
+from collections.abc import Iterator, Sequence
+from math import exp, log
+from random import Random
+
+from rarms_iac.measuring.partitions import load_reserves
+from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY, load_parts
+from rarms_iac.model.setting import P2_WEIGHT
+from rarms_iac.providers.simulated.measuring import model_load
+from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, JobDemand, ModelMachine, VirtualMachine
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
+from tests.effort import LONG
+
+LAYOUTS = 40 if LONG else 8
+LPS = 2
+SETTLED_MS, UNTIL_MS = 2_500.0, 22_500.0
+NOISE = 1.1
+MOST_MISSED = 0.15
+"""Of the layouts, in percentiles. With each load in one partition 3 of the 8 miss, and 9 of the 40."""
+LEAST_JOBS = 300
+INDEXES = (("mean", 0.0), ("p90", 0.9), ("p95", 0.95))
+
+
+def draw(seed: int | str, lps: int = LPS) -> tuple[VirtualMachine, ...]:
+    """Draw partitions that reserve 60 to 97 % of the host, each with a component of 0.5 to 100 ms."""
+    chance = Random(f"layout/{seed}")
+    parts = [chance.uniform(0.3, 1.0) for _ in range(chance.randint(2, 4))]
+    reserved = 100 * lps * chance.uniform(0.6, 0.97)
+    return tuple(
+        _partition(chance, f"c{number}", reserved * part / sum(parts), lps) for number, part in enumerate(parts)
+    )
+
+
+def _partition(chance: Random, name: str, share: float, lps: int) -> VirtualMachine:
+    vps = min(lps, chance.choice((1, 1, 1, 2)))
+    threads = chance.choice((1, vps))
+    reserve = max(2, min(95, int(share / vps)))
+    work = exp(chance.uniform(log(0.5), log(100.0)))
+    period = 100 * work * chance.choice((1.1, 1.3, 2.0, 4.0)) / reserve if chance.random() < 0.65 else None
+    blocked = 0.0 if period else work * chance.choice((0.0, chance.uniform(0.0, 2.0)))
+    varies = chance.choice((0, 2, 10, 30))
+    demand = JobDemand(
+        component=name, work_ms=work * threads, blocked_ms=blocked, varies=varies, threads=threads, period_ms=period
+    )
+    return VirtualMachine(name=name, vps=vps, reserve=reserve, components=(demand,))
+
+
+def slowest(
+    partitions: Sequence[VirtualMachine], seed: int, most_parts: int, lps: int = LPS
+) -> dict[tuple[str, str], float]:
+    """Return each index of each component with the load that delays it most, in ms."""
+    found: dict[tuple[str, str], float] = {}
+    for name in DEFAULT_LOADS:
+        for component, times in responses(
+            (*partitions, *load_of(name, partitions, most_parts, lps)), seed, lps
+        ).items():
+            for index, value in indexes(times):
+                found[component, index] = max(value, found.get((component, index), 0.0))
+    return found
+
+
+def load_of(name: str, partitions: Sequence[VirtualMachine], most_parts: int, lps: int) -> Iterator[VirtualMachine]:
+    """Yield the parts of P2 with all that these partitions do not reserve."""
+    load = LOADS_WITHOUT_ENTRY[name]
+    rest = int(100 - sum(each.vps * each.reserve for each in partitions) / lps)
+    for part, reserve in load_reserves(rest, min(most_parts, load_parts(load, lps))).items():
+        loads = (model_load(load, reserve),)
+        yield VirtualMachine(name=part, vps=lps, reserve=reserve, weight=P2_WEIGHT, loads=loads)
+
+
+def responses(machines: tuple[VirtualMachine, ...], seed: int, lps: int = LPS) -> dict[str, list[float]]:
+    host = ModelMachine(lps=lps, machines=machines, interrupts=QUIET_INTERRUPTS)
+    times: dict[str, list[float]] = {}
+    for job in SchedulerSimulation(host, seed, until_ms=UNTIL_MS):
+        if job.began > SETTLED_MS:
+            times.setdefault(job.component, []).append(job.response)
+    return times
+
+
+def indexes(times: Sequence[float]) -> Iterator[tuple[str, float]]:
+    ordered = sorted(times)
+    for index, share in INDEXES:
+        yield index, ordered[int(share * len(ordered))] if share else sum(times) / len(times)
+
+
+def missed(seed: int, most_parts: int) -> list[tuple[str, str]]:
+    """List the indexes of components of more than a few jobs that are worse in the layout than alone."""
+    layout = draw(seed)
+    together = slowest(layout, seed + 1000, most_parts)
+    alone = {key: value for each in layout for key, value in slowest([each], seed, most_parts).items()}
+    many = {name for name, times in responses(layout, seed).items() if len(times) >= LEAST_JOBS}
+    return [key for key, value in together.items() if key[0] in many and value > NOISE * alone[key]]
+
+
+def test_what_holds_alone_holds_in_layouts() -> None:
+    found = {seed: missed(seed, most_parts=2) for seed in range(LAYOUTS)}
+
+    assert sum(map(bool, found.values())) <= LAYOUTS * MOST_MISSED, found
+    assert not any(index == "mean" for keys in found.values() for _, index in keys), found

@@ -1,0 +1,68 @@
+"""The lines of units of work: one when each ends, and the time that the others may take."""
+
+from fractions import Fraction
+
+from rarms_iac.app.control import FinishedUnit, UnitValue, WorkBegun
+from rarms_iac.measuring.units import describe_work
+from rarms_iac.model.experiment import experiments_of
+from rarms_iac.model.system import AtMost
+from rarms_iac.views.console import render
+from rarms_iac.views.progress import MeasuringProgress, unit_line
+from tests.builders import a_component, a_host, a_system
+
+P99 = UnitValue(index="p99_response_time", value=390.0, threshold=AtMost(value=Fraction(400)))
+
+
+def a_unit(number: int) -> FinishedUnit:
+    return FinishedUnit(
+        number=number,
+        of=12,
+        subject="vision",
+        load="bursts-20",
+        reserved_lp=Fraction(46, 100),
+        values=(P99,),
+        ending="met",
+    )
+
+
+def test_line_of_a_unit() -> None:
+    assert unit_line(a_unit(3)) == "[3/12] vision  bursts-20  0.46 LP  p99 390 ms <= 400 ms  met"
+
+
+def test_unit_without_answer_has_neither_value_nor_amount() -> None:
+    unit = FinishedUnit(number=1, of=2, subject="vision", load="busy-loop", ending="not shown yet")
+
+    assert unit_line(unit) == "[1/2] vision  busy-loop  not shown yet"
+
+
+def test_every_unit_is_said_at_once() -> None:
+    said: list[str] = []
+    progress = MeasuringProgress(lambda content: said.append(render(content)), lambda: 0.0)
+    progress.work_begun(WorkBegun(units=12))
+    for number in (1, 2):
+        progress.unit_ended(a_unit(number))
+
+    assert [line.split()[0] for line in said] == ["[1/12]", "[2/12]"]
+
+
+def test_first_pass_is_one_line() -> None:
+    said: list[str] = []
+    progress = MeasuringProgress(lambda content: said.append(render(content)), lambda: 0.0)
+    progress.work_begun(WorkBegun(units=12, more_follows=True))
+    progress.unit_ended(a_unit(1))
+    progress.unit_ended(FinishedUnit(number=2, of=12, subject="speech", load="busy-loop", ending="no answer"))
+    progress.work_begun(WorkBegun(units=12))
+
+    assert said == ["First pass: vision 0.46 LP, speech no answer.\n"]
+
+
+def test_beginning_names_the_work_and_its_bound() -> None:
+    system = a_system(hosts=[a_host()], components=[a_component("vision"), a_component("speech")])
+    groups = [
+        experiments_of(system, system.hosts["onboard"], (name,), ("busy-loop", "bursts-20"))
+        for name in ("vision", "speech")
+    ]
+
+    begins = "Measuring 2 components x 2 loads on onboard (simulated): a first pass of about 2 min of host time"
+    assert describe_work(groups, quick=True) == f"{begins}."
+    assert describe_work(groups, quick=False) == f"{begins}, then at most 5 h 20 min."
