@@ -69,7 +69,7 @@ def work_of_evidence(
     if escaped:
         yield WORK_OUTSIDE.at(
             places.key("components", names[0]),
-            "Processes of {_left} left their group: {_processes:;}. The reservation does not reach them.",
+            "Processes of {_left} left their control group: {_processes:;}. The reservation does not reach them.",
             'Start the work in the partition: a container with --cgroup-parent "$RARMS_CGROUP_PARENT", a unit of '
             "systemd with --slice.",
             **_facts_of_work(names, escaped),

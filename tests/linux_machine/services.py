@@ -120,7 +120,7 @@ def test_service_runs_in_its_partition(folder: Path) -> None:
     drifted, status = rarms("drift", *where), rarms("status", *where)
 
     assert ran.code == 0, ran.err
-    assert "left their group" not in ran.out + ran.err
+    assert "left their control group" not in ran.out + ran.err
     said = (SEEN / "said").read_text(encoding="utf-8").splitlines()
     assert f"LEVEL={LEVEL}" in said
     assert "OF_UNIT=1" in said
@@ -262,7 +262,7 @@ def test_services_that_cannot_be_held_are_refused(tested: Path) -> None:
         assert refused(host, "nav2@1") == ""
         assert "has SCHED_FIFO" in refused(host, "priority")
         assert "the service nobody.service does not run" in refused(host, "nobody")
-        assert "carries rarms itself" in refused(host, "job")
+        assert "contains rarms itself" in refused(host, "job")
         with running_service("nav2@2"):
             assert "several services have the name nav2: nav2@1.service, nav2@2.service" in refused(host, "nav2")
 

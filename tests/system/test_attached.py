@@ -165,4 +165,4 @@ def test_what_cannot_be_held_is_refused(tmp_path: Path, container: str, monkeypa
     assert "systemd does not run here" in refused(host, service)
 
     monkeypatch.setattr(os, "getpid", lambda: process)
-    assert "carries rarms itself" in refused(host, nav2(container))
+    assert "contains rarms itself" in refused(host, nav2(container))

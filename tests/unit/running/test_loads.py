@@ -119,7 +119,7 @@ def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
 
 def test_browser_shows_our_page_without_network(tmp_path: Path) -> None:
     if not any(map(shutil.which, BROWSERS)):
-        with pytest.raises(CannotStart, match="there is no browser"):
+        with pytest.raises(CannotStart, match="browser was not found on the PATH"):
             load_words("browsers", Browser(instances=2), tmp_path, 1, None)
         return
 
