@@ -27,9 +27,9 @@ import rarms_iac as rarms
 from benchmarks.timing import Figure, report
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import UseCaseError
+from rarms_iac.measuring.each_load import decisive
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.measuring.prove import ProveRequest
-from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.outcomes import Missed
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.providers.simulated.scheduling.machine import VirtualMachine

@@ -28,6 +28,7 @@ from typing import Literal
 import rarms_iac as rarms
 from benchmarks.timing import Figure, report
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.measuring.each_load import decisive
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
@@ -36,7 +37,6 @@ from rarms_iac.measuring.partitions import (
     load_reserves,
     load_share,
 )
-from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
 from rarms_iac.model.loads import DEFAULT_LOADS, load_parts

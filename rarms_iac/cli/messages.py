@@ -14,6 +14,7 @@ from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Sources, has_errors, in_order
+from rarms_iac.texts.messages import STOPPED
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, OutputTarget, parse_outputs
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.terminal import Terminal
@@ -141,9 +142,7 @@ class TerminalReporter:
 
 def stopped(session: Session) -> ExitCode:
     """Say that the wish to end was heard, and how to go on; how the command ends: an answer `q` is not a failure."""
-    session.terminal.tell(
-        "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
-    )
+    session.terminal.tell(STOPPED)
     return session.interrupts.exit_code or ExitCode.DONE
 
 

@@ -15,8 +15,9 @@ from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.app.use_case_errors import RequestError, UseCaseError
+from rarms_iac.measuring.each_load import decisive, measure_with_each_load
 from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, method_of, reserves_between
-from rarms_iac.measuring.run_experiment import decisive, least_shown, measure_with_each_load
+from rarms_iac.measuring.run_experiment import least_shown
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components

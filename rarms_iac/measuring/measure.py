@@ -19,6 +19,15 @@ from rarms_iac.app.report_measurements import component_verdicts, missing_on
 from rarms_iac.app.report_model import ComponentVerdict
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.use_case_errors import RequestError
+from rarms_iac.measuring.availability import (
+    describe_missing_parts,
+    has_one_p2,
+    in_load_parts,
+    resources_by_host,
+    stop_what_is_in_the_way,
+    with_load_parts,
+)
+from rarms_iac.measuring.each_load import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
@@ -35,19 +44,6 @@ from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import weak_answer, work_of_settings
 from rarms_iac.measuring.partitions import host_resources
 from rarms_iac.measuring.passes import first_pass, in_order_of, is_of, later_passes
-from rarms_iac.measuring.run_experiment import (
-    by_partition,
-    decisive,
-    describe_missing_parts,
-    has_one_p2,
-    idle_settings,
-    in_load_parts,
-    leave_idle,
-    measure_with_each_load,
-    resources_by_host,
-    stop_what_is_in_the_way,
-    with_load_parts,
-)
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.stopping import starting_again

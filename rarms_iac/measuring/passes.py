@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
+from rarms_iac.measuring.each_load import decisive, next_experiment, with_result
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.run_experiment import decisive, next_experiment, run_experiment, with_result
+from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import FirstPass
 from rarms_iac.measuring.units import Units, describe_processors

@@ -1,37 +1,31 @@
 """One experiment on a held host: what is in the way is refused or stopped, then setting after setting is run.
 
-Begin at `run_experiment`; `measure_with_each_load` asks it for one load after the other. Which experiments there are,
-and in which order, is for `measure` and for tuning to say.
+Begin at `run_experiment`. `each_load` asks it for one load after the other; `availability` looks at the host.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
-from rarms_iac.measuring.evidence import leaves_idle
-from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
-from rarms_iac.measuring.findings import OCCUPIED
-from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.measuring.partitions import (
-    MeasuringResources,
-    highest_reserve,
-    host_resources,
-    other_running_partitions,
-    parts_that_fit,
+from rarms_iac.measuring.availability import (
+    Availability,
+    available_on_host,
+    stop_what_is_in_the_way,
+    with_load_parts,
+    work_of_others,
 )
+from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
+from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.search.crossings import begun_before
 from rarms_iac.measuring.search.trials import conclude, conditions_at
-from rarms_iac.measuring.session import MeasuringSession, refuse_what_cannot_run
+from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.setting_run import Site, other_processors, run_setting
-from rarms_iac.measuring.stopping import stop_own_partitions, stopped_to_measure
 from rarms_iac.measuring.strategies import (
     FirstPass,
     Method,
@@ -43,41 +37,16 @@ from rarms_iac.measuring.strategies import (
     is_of_paper,
     strategy_of,
 )
-from rarms_iac.measuring.units import describe_missing_part
-from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import DIFFERENT, MISSING, Diagnostic
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
-from rarms_iac.model.loads import is_steady
-from rarms_iac.model.outcomes import (
-    Conclusion,
-    Condition,
-    Measure,
-    NotAchievable,
-    NotResolved,
-    SettingFailed,
-    Stopped,
-    Sufficient,
-    Swept,
-)
+from rarms_iac.model.outcomes import Conclusion, Condition, Measure, Stopped, Sufficient
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
 from rarms_iac.model.wording import counted
-from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.planning_findings import STALE
-from rarms_iac.planner.verdicts import hardest
-from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Availability:
-    """The resources of a host for an experiment, and the obstacles there."""
-
-    resources: MeasuringResources
-    running: tuple[Partition, ...]  # they run during the experiment, and rarms does not stop them
-    highest_reserve: ReservePercent  # the highest CR that the host can give
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -243,7 +212,7 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
         resources=available.resources,
         seed=seed,
         control=session.control,
-        others=tuple(_work_of_others(session.hosts, available.running)),
+        others=tuple(work_of_others(session.hosts, available.running)),
     )
 
 
@@ -260,49 +229,6 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
     return experiment.with_processors(
         processor_number(experiment.members, None, experiment.host.logical_processors, used)
     )
-
-
-def with_load_parts(
-    session: MeasuringSession, experiment: Experiment, method: Method, resources: MeasuringResources
-) -> Experiment:
-    """Return the experiment with as many parts of P2 as its load has by this method, and as the host has memory for.
-
-    A sweep and the paper's strategy have the paper's P2, in one part, unless settings with two are recorded: a plan
-    goes by these, and theirs are to join them.
-
-    Raises:
-        UseCaseError: The data log is damaged (negative).
-    """
-    several = in_load_parts(experiment, resources)
-    if several.load_parts > 1 and has_one_p2(method) and read_experiment_log(session, several).valid is None:
-        return experiment
-    return several
-
-
-def has_one_p2(method: Method) -> bool:
-    """Tell whether a method has the P2 of the paper: a sweep, and the paper's strategy."""
-    return isinstance(method, Sweep) or is_of_paper(method)
-
-
-def in_load_parts(experiment: Experiment, resources: MeasuringResources) -> Experiment:
-    """Return the experiment with as many parts of P2 as a search has, and as the host has memory for."""
-    parts = parts_that_fit(resources, experiment.usual_load_parts, experiment.setup.memory)
-    return replace(experiment, load_parts=parts)
-
-
-def resources_by_host(session: MeasuringSession, experiments: Sequence[Experiment]) -> dict[str, MeasuringResources]:
-    """Look at each host of these experiments once."""
-    by_host = {each.host.name: each for each in experiments}
-    return {name: available_on_host(session, each).resources for name, each in by_host.items()}
-
-
-def describe_missing_parts(session: MeasuringSession, experiments: Sequence[Experiment]) -> Iterator[str]:
-    """Yield a sentence for each host without memory for the second partition of some loads."""
-    in_two = [each for each in experiments if each.usual_load_parts > 1]
-    for host, resources in resources_by_host(session, in_two).items():
-        in_parts = [in_load_parts(each, resources) for each in in_two if each.host.name == host]
-        if loads := [each.setup.interference for each in in_parts if each.load_parts == 1]:
-            yield describe_missing_part(host, loads)
 
 
 def _describe_number(experiment: Experiment, number: int) -> str:
@@ -367,18 +293,6 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
     raise UseCaseError(Outcome.NEGATIVE, [finding], session.hosts.manifest.sources)
 
 
-def available_on_host(session: MeasuringSession, experiment: Experiment) -> Availability:
-    """Look at the host; partitions of the application are stopped, unless it is to be measured with them."""
-    observed = session.host_of(experiment).observe()
-    state = observed if session.on_busy_host else stopped_to_measure(observed, experiment.application)
-    resources = host_resources(experiment.host, state, experiment.application)
-    return Availability(
-        resources=resources,
-        running=other_running_partitions(state),
-        highest_reserve=highest_reserve(resources, experiment.setup),
-    )
-
-
 def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Method) -> None:
     """Refuse to look for a reservation of a member that has no threshold.
 
@@ -410,88 +324,6 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             )
 
 
-def stop_what_is_in_the_way(
-    session: MeasuringSession, experiment: Experiment, method: Method, available: Availability | None = None
-) -> None:
-    """Refuse what cannot be measured, then stop what is in the way; nothing is run.
-
-    `run_experiment` calls it only where the data log does not hold every setting already.
-
-    Args:
-        available: What was seen of the host; None: it is looked at now.
-
-    Raises:
-        UseCaseError: A member or a load cannot run on the host, or the host is as `_refuse_host` says; partitions of
-            the application run, and may not be stopped (refused).
-    """
-    host = session.host_of(experiment)
-    members = {member.name: member for member in experiment.members}
-    refuse_what_cannot_run(session, host, components=members, loads={experiment.setup.interference: experiment.load})
-    _refuse_host(session, experiment, method, available or available_on_host(session, experiment))
-    if not session.on_busy_host:
-        stop_own_partitions(session, host)
-
-
-def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: Availability) -> None:
-    """Refuse a host that is busy, has reservations that the paper does not know, or has no room.
-
-    Raises:
-        UseCaseError: The host is not free to measure, or it has reservations that the paper does not know (refused);
-            there is no room (negative).
-    """
-    host = experiment.host.name
-    if available.running and not session.on_busy_host:
-        running = tuple(partition.shown_name for partition in available.running)
-        template = "These run on {host} and would change the measurement: {_names}."
-        advice = "Stop them on the host. To measure anyway, give --on-busy-host; the log records it."
-        finding = OCCUPIED.of_host(host, template, advice, partitions=running, _names=", ".join(running))
-        raise UseCaseError(Outcome.REFUSED, [finding])
-    if is_of_paper(method) and not available.resources.unreserved:
-        template = "A part of the processors of {host} is kept for the host or reserved by other machines."
-        advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise UseCaseError(Outcome.REFUSED, [OCCUPIED.of_host(host, template, advice)])
-    asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
-    if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
-        advice = "Stop other machines, lower keep_for_host, or give the component less memory."
-        if available.highest_reserve:
-            advice = (
-                f"Measure up to there: `--to {available.highest_reserve}%`. Or stop other machines, or lower "
-                "keep_for_host."
-            )
-        finding = OCCUPIED.of_host(
-            host,
-            (
-                "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of "
-                "each of its {processors} processors, because P2, the partition of the load, also needs memory."
-            ),
-            advice,
-            highest_reserve_percent=available.highest_reserve,
-            asked_reserve_percent=asked_reserve,
-            processors=experiment.setup.processors,
-            _experiment=experiment.name,
-        )
-        raise UseCaseError(Outcome.NEGATIVE, [finding])
-
-
-def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
-    """Yield the work of the application's partitions that go on running, their components under names of their own.
-
-    What other partitions run is not known: a simulated host has them idle.
-    """
-    application = hosts.system.application.name
-    names = {
-        partition.mark.name for partition in running if partition.mark and partition.mark.application == application
-    }
-    for group in groups_of(hosts.system):
-        if group.name in names:
-            members = tuple(
-                replace(member, name=f"{member.name} in {group.name}")
-                for member in group.members
-                if member.simulation is not None
-            )
-            yield PartitionWork(partition=group.name, components=members)
-
-
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
     names = tuple(partition.shown_name for partition in running)
     return DIFFERENT.of_host(
@@ -502,146 +334,3 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
         _experiment=experiment.name,
         _names=", ".join(names),
     )
-
-
-def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], ...]:
-    """Put the experiments of the same components on the same host together, one a load, in the order given.
-
-    Args:
-        experiments: Those of the same components and host follow one another.
-
-    Returns:
-        Groups that differ in nothing but the load.
-    """
-    groups = groupby(experiments, key=lambda each: (each.host.name, each.setup.members))
-    return tuple(tuple(group) for _, group in groups)
-
-
-def measure_with_each_load(
-    session: MeasuringSession,
-    experiments: Sequence[Experiment],
-    method: Method,
-    begin: ReservePercent = 0,
-    ended: Callable[[ExperimentResult], None] = lambda _result: None,
-) -> tuple[ExperimentResult, ...]:
-    """Find the least reservation that meets the thresholds under every load.
-
-    Args:
-        experiments: The same components on the same host, one a load.
-        begin: The answer of the first pass, at which the search with the first load begins; 0: there is none.
-        ended: Told the result with each load, once.
-
-    Returns:
-        A result for each load that was measured.
-    """
-    results: tuple[ExperimentResult, ...] = ()
-    if isinstance(method, Search):
-        method = replace(method, begin=begin)
-    while (asked := next_experiment(experiments, results, method)) is not None:
-        result = run_experiment(session, *asked)
-        if len(results) < len(experiments):
-            ended(result)
-        results = with_result(experiments, results, result)
-    return results
-
-
-def next_experiment(
-    experiments: Sequence[Experiment], results: Sequence[ExperimentResult], method: Method
-) -> tuple[Experiment, Method] | None:
-    """Choose the next load, and its method.
-
-    The first load has a search. Each further one is asked whether the answer so far is enough with it, and searched
-    above only where it is not; so the last answer is the greatest. A sweep is run with each. In the end the settings at
-    the answer of a search go on until nothing has a condition that more samples would lift.
-
-    Args:
-        experiments: The same components on the same host, one a load.
-
-    Returns:
-        None: all are measured, or there is no answer that another load could confirm.
-    """
-    if results and isinstance(results[-1].conclusion, NotAchievable | NotResolved | SettingFailed):
-        return None
-    if any(each.stopped for each in results):
-        return None
-    floor = (results[-1].reserve if results else None) or 0
-    if len(results) < len(experiments):
-        experiment = _after(results, experiments[len(results)])
-        return experiment, replace(method, floor=floor) if isinstance(method, Search | FirstPass) else method
-    if not isinstance(method, Search) or is_of_paper(method):
-        return None
-    for number, result in enumerate(results):
-        if result.reserve == floor and result.conditions and not result.is_confirmed:
-            others = (*results[:number], *results[number + 1 :])
-            return _after(others, experiments[number]), replace(method, floor=floor, confirms=True)
-    return None
-
-
-def with_result(
-    experiments: Sequence[Experiment], results: tuple[ExperimentResult, ...], result: ExperimentResult
-) -> tuple[ExperimentResult, ...]:
-    """Add the result of the next load, or of one that was measured further to confirm the answer.
-
-    Returns:
-        None at all if the components used more processors with this load: then all are measured with so many. A result
-        that does not confirm the answer is the last one; one that was stopped leaves the answer as it is.
-    """
-    if results and result.processors != results[-1].processors:
-        return ()
-    if len(results) < len(experiments):
-        so_far = results[-1].reserve if results else None
-        return (*results, replace(result, so_far=so_far, of_loads=len(experiments)))
-    number = next(at for at, each in enumerate(results) if each.interference == result.interference)
-    before = results[number]
-    if result.stopped:
-        return (*results[:number], replace(before, is_interrupted=True), *results[number + 1 :])
-    further = replace(
-        result, so_far=before.so_far, of_loads=before.of_loads, new=max(before.new, result.new), is_confirmed=True
-    )
-    if result.reserve != before.reserve:
-        return (*results[:number], replace(further, is_confirmed=False))
-    return (*results[:number], further, *results[number + 1 :])
-
-
-def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
-    """Charge the budget with the time of settings under the earlier loads, which share it."""
-    spent_ms: defaultdict[ReservePercent, float] = defaultdict(float)
-    for setting in (setting for result in results for setting in result.settings):
-        spent_ms[setting.reserve] += setting.host_ms
-    return replace(experiment, budget=replace(experiment.budget, spent_ms=spent_ms))
-
-
-def leave_idle(results: Sequence[ExperimentResult]) -> bool:
-    """Tell whether every load of the results was seen to leave processors idle that it could take.
-
-    Args:
-        results: Of the same components, one a load.
-
-    Returns:
-        False where one of them sleeps by design: such loads are not judged by idle time.
-    """
-    return all(is_steady(each.experiment.load) and bool(idle_settings(each)) for each in results)
-
-
-def idle_settings(result: ExperimentResult) -> list[Setting]:
-    """Return the settings at the answer of a result in which its load left processors idle."""
-    host = result.experiment.host
-    shared = shared_processors(host, host.logical_processors)
-    at_answer = [setting for setting in result.settings if setting.reserve == result.reserve]
-    return [setting for setting in at_answer if leaves_idle(setting.evidence, shared)]
-
-
-def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:
-    """Find the result that decides the answer.
-
-    Args:
-        results: Of the same components, in the order in which loads were measured; at least one.
-
-    Returns:
-        The first with the answer of the last; where the last has none, the last. Of sweeps that by which a plan
-            reserves most.
-    """
-    last = results[-1]
-    if isinstance(last.conclusion, Swept):
-        return results[hardest([each.planned for each in results])]
-    return last if last.reserve is None else next(each for each in results if each.reserve == last.reserve)

@@ -33,6 +33,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import WaitLimits
 from rarms_iac.studio.work import Ending, Transcript
+from rarms_iac.texts.messages import STOPPED
 from rarms_iac.views.measure import summary_text
 from rarms_iac.views.run import run_text, undo_text
 from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text
@@ -324,9 +325,7 @@ def _refuse_other_name(typed: str, name: str) -> None:
 def _ending(transcript: Transcript, findings: tuple[Diagnostic, ...], *, stopped: bool) -> Ending:
     """Return the ending of a measurement or a search, after reporting a stop."""
     if stopped:
-        transcript.message(
-            "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
-        )
+        transcript.message(STOPPED)
         return "stopped"
     return "failed" if has_errors(findings) else "done"
 

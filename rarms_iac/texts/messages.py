@@ -4,6 +4,9 @@ import unicodedata
 from collections.abc import Collection
 from dataclasses import dataclass
 
+STOPPED = "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
+"""The message after a measurement that a person ended."""
+
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.report_measurements import WITHOUT_APT, point_of
 from rarms_iac.app.report_model import MeasuredPoint
+from rarms_iac.measuring.each_load import decisive
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.measure import MeasureOutcome
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.run_experiment import decisive
 from rarms_iac.model.commands import MEASURE, PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import PerformanceIndex, index_named

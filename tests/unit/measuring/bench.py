@@ -10,11 +10,12 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.snapshots import Snapshots
 from rarms_iac.manifest.load import Loaded
 from rarms_iac.manifest.text.tree import first_line
+from rarms_iac.measuring.availability import available_on_host
 from rarms_iac.measuring.duration import WallTimes
 from rarms_iac.measuring.experiment_log import ExperimentLog
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.partitions import remove_test_partitions
-from rarms_iac.measuring.run_experiment import ExperimentRun, available_on_host, measure_settings
+from rarms_iac.measuring.run_experiment import ExperimentRun, measure_settings
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import Search, Searching, SettingCount, Strategy, Sweep, goal_of, strategy_of
 from rarms_iac.model.experiment import Experiment

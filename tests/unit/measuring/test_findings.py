@@ -418,7 +418,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def told_of_work(ran: Ran, starts: int = 1) -> None:
     text = " ".join(ran.err.split())
-    assert f"Processes of vision left their control group: sh in /libpod_parent/libpod-* {790 * starts} ms." in text, text
+    assert f"Processes of vision left their control group: sh in /libpod_parent/libpod-* {790 * starts} ms." in text, (
+        text
+    )
     assert f"The kernel killed {2 * starts} processes of its partition" in text
     assert text.count("[RARMS393]") == text.count("[RARMS394]") == 1
 

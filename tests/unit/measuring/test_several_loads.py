@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.measuring.each_load import by_partition, decisive, next_experiment, with_result
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.measuring.run_experiment import by_partition, decisive, next_experiment, with_result
 from rarms_iac.measuring.strategies import Method, Search, Sweep
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, RareSlowJobs, Stopped, Sufficient, Swept
