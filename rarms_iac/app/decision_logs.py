@@ -1,6 +1,6 @@
 """The logs of decisions, next to the data logs: what was chosen for each CoI, and what runs of tuning measured.
 
-A configuration log is written whenever a choice is not what it says already; the log of tuning has each run, and its
+A configuration log is written whenever a choice is not what it says already; the tuning log has each run, and its
 last ones are read for reports and explanations.
 """
 
@@ -128,7 +128,7 @@ def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
 
 
 def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
-    """Write a run into the platform's log of tuning; a run that was stopped, or asked for nothing, is left out.
+    """Write a run into the platform's tuning log; a run that was stopped, or asked for nothing, is left out.
 
     Args:
         hosts: Those of the manifest, below whose folder the log lies.
@@ -240,7 +240,7 @@ class PreviousTuning:
 
 
 def previous_tuning(manifest: Manifest, host: Host) -> PreviousTuning:
-    """Read the log of tuning of a host's platform.
+    """Read the tuning log of a host's platform.
 
     Args:
         manifest: The manifest, with its measurements next to it; what tuning measured is compared with them.

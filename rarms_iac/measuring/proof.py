@@ -126,7 +126,7 @@ class IndexVerdict:
 
     @property
     def met(self) -> bool:
-        """Whether it was shown to meet its threshold: within the noise or without a steady state it was not."""
+        """Whether it was shown to meet its threshold: not shown yet or without a steady state, it was not."""
         return isinstance(self.verdict, Met)
 
     @output

@@ -364,7 +364,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
 
 
 def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool) -> TuningRun:
-    """Return the run as the log of tuning records it, dated now.
+    """Return the run as the tuning log records it, dated now.
 
     Args:
         written: whether the compounds were written into the manifest.

@@ -157,9 +157,7 @@ class TooManyFailures(_Judgement):
 Verdict = Met | Missed | WithinNoise | Unsteady | TooFewSamples | TooManyFailures
 """On the APT of one component at one setting."""
 
-VerdictWord = Literal[
-    "met", "missed", "within the noise", "no steady state", "too few samples", "too many failed samples"
-]
+VerdictWord = Literal["met", "missed", "not shown yet", "no steady state", "too few samples", "too many failed samples"]
 
 
 def verdict_word(verdict: Verdict) -> VerdictWord:
@@ -170,7 +168,7 @@ def verdict_word(verdict: Verdict) -> VerdictWord:
         case Missed():
             return "missed"
         case WithinNoise():
-            return "within the noise"
+            return "not shown yet"
         case Unsteady():
             return "no steady state"
         case TooFewSamples():

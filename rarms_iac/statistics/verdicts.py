@@ -29,7 +29,7 @@ from rarms_iac.statistics.samples import failures, response_times
 from rarms_iac.statistics.steady_state import steady_part
 
 HOPELESS: Final = 0.2
-"""A setting ends within the noise where its end would settle it with at most this probability (predictive power)."""
+"""A setting ends early if its full length would give a verdict with at most this probability (predictive power)."""
 
 LONG: Final = 2_000
 """Samples of a series that is to show a steady state which a shorter one did not."""
@@ -162,7 +162,7 @@ def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
     """Say with how many samples it will be clear, if what was seen so far is what is true.
 
     Args:
-        judged: an index that its samples leave within the noise.
+        judged: an index for which the samples show neither.
 
     Returns:
         How many of all samples, no fewer than there are; infinite where the index is at its threshold. None: nothing

@@ -191,7 +191,7 @@ def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
     return "met so far" if index.is_extreme and verdict == "met" else verdict
 
 
-NOT_SHOWN: tuple[VerdictWord, ...] = ("within the noise", "too few samples")
+NOT_SHOWN: tuple[VerdictWord, ...] = ("not shown yet", "too few samples")
 """Verdicts that more samples may change."""
 
 

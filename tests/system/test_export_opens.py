@@ -67,7 +67,7 @@ def test_libreoffice_keeps_each_chart_with_its_series(exported: tuple[Path, Repo
     assert len(charts) == len(curves)
     for chart in charts:
         series = list(chart.iter(f"{CHART}series"))
-        assert len(series) == 3, "the curve, its worse end, what was measured"
+        assert len(series) == 3, "the curve, its safe side, what was measured"
         assert all(element.get(f"{CHART}values-cell-range-address") for element in series)
     titles = ["".join(chart.find(f".//{CHART}title").itertext()) for chart in charts]  # type: ignore[union-attr]
     assert sorted(titles) == sorted(

@@ -75,7 +75,8 @@ WORDS = """CoI|compound CoI|PI|APT|criticality|interfering load|partition|CR|LP|
 compute_minimum_cpu_reservation
 combine_components|tune_performance_to_use_less_resource|manifest|desired|observed|resource|address|provider|action
 change|step|plan|drift|apply|journal|data log|configuration log|overlay|layout|disruption|mark|serial|setting|platform
-finding|diagnostic|acceptance|task class|reserve|limit|weight|snapshot|undo|lock|curve|RC SS|MMCSS"""
+finding|diagnostic|acceptance|task class|reserve|limit|weight|snapshot|undo|lock|curve|RC SS|MMCSS
+VP|BLP|compound|combine|TPTULR|CMCPUR|P1|environment setup|severity|steady state|99 % confidence"""
 
 
 def entries() -> dict[str, str]:
@@ -99,6 +100,31 @@ def test_no_word_is_explained_twice() -> None:
     words = [word for word in first if word not in {"term", "---"}]
 
     assert sorted(set(words)) == sorted(words)
+
+
+MOST_OWN_TERMS = 10
+
+
+def test_glossary_has_at_most_ten_own_terms() -> None:
+    table = GLOSSARY.read_text(encoding="utf-8").partition("\n## Terms of our own\n")[2].partition("\n## ")[0]
+
+    own = [row for row in re.findall(r"^\| (.+?) \|", table, flags=re.MULTILINE) if row != "term"]
+
+    assert 0 < len(own) <= MOST_OWN_TERMS
+
+
+def test_navigation_names_each_page_once() -> None:
+    navigation = re.findall(r'"([\w/-]+\.md)"', (GLOSSARY.parents[1] / "zensical.toml").read_text(encoding="utf-8"))
+    pages = [path.name for path in GLOSSARY.parent.glob("*.md")]
+
+    assert sorted(navigation) == sorted([*pages, "decisions/README.md"])
+
+
+def test_each_decision_is_in_the_list_of_decisions() -> None:
+    folder = GLOSSARY.parent / "decisions"
+    listed = re.findall(r"\]\((\d{4}-[\w-]+\.md)\)", (folder / "README.md").read_text(encoding="utf-8"))
+
+    assert sorted(set(listed)) == sorted(path.name for path in folder.glob("0*.md"))
 
 
 TEMPLATES = sorted(Path(str(shipped("templates"))).rglob("*.j2"))

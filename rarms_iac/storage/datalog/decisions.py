@@ -1,7 +1,7 @@
-"""The two logs of decisions, JSON Lines like a data log: the configuration log of a CoI, and the log of tuning.
+"""The two logs of decisions, JSON Lines like a data log: the configuration log of a CoI, and the tuning log.
 
 A configuration log, one per platform and component, says which level was chosen, what the CoI gets, in what
-environment, and how it was proven; the last `Chosen` is what holds. The log of tuning, one a platform, says what each
+environment, and how it was proven; the last `Chosen` is what holds. The tuning log, one a platform, says what each
 run of `rarms tune` asked for, in order, and what came of it. A plan depends on none of that: it is there for readers
 why components share a partition.
 """
@@ -263,7 +263,7 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
 
 
 def runs_in(lines: Iterable[LogLine], path: Path) -> tuple[TuningRun, ...]:
-    """Return the runs that lines of a log of tuning are, oldest first; `path` is for messages.
+    """Return the runs that lines of a tuning log are, oldest first; `path` is for messages.
 
     Raises:
         LogUnreadable: the log is damaged, or holds something else.

@@ -46,7 +46,7 @@ LONGEST_NAME = 31  # of a sheet
 MADE = datetime(2000, 1, 1, tzinfo=UTC)
 """Stands in every file, so that the same report gives the same bytes."""
 
-CURVE = ("reserve (%)", "value", "worse end", "from", "to")
+CURVE = ("reserve (%)", "value", "safe side", "from", "to")
 
 
 class TooManyRows(Exception):
@@ -138,7 +138,7 @@ def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
 def _chart(book: "Workbook", sheet: "Worksheet", title: str, first: int, last: int) -> None:
     name = sheet.get_name()
     chart = book.add_chart({"type": "scatter", "subtype": "straight"})
-    for column, words, dots in ((1, "curve", False), (2, "worse end", False), (5, "measured", True)):
+    for column, words, dots in ((1, "curve", False), (2, "safe side", False), (5, "measured", True)):
         chart.add_series(
             {
                 "name": words,

@@ -129,7 +129,7 @@ def test_value_near_threshold_says_needed_samples(here: Path, long_mean: float) 
 
     assert (code, found) == (4, ["RARMS111"])
     mean = indexes["vision mean_response_time"]
-    assert (mean["verdict"], mean["verdict_error"]) == ("within the noise", None)
+    assert (mean["verdict"], mean["verdict_error"]) == ("not shown yet", None)
     assert isinstance(mean["samples_needed"], int)
     assert mean["samples_needed"] > 200
     assert f"not shown yet: about {mean['samples_needed']} samples needed" in " ".join(text.split())
@@ -162,7 +162,7 @@ def test_proof_keeps_its_budget_unless_asked(here: Path) -> None:
     _, asked, _found = proven("--samples", "40")
 
     tail = indexes["vision p90_response_time"]
-    assert (code, tail["verdict"], tail["samples_needed"]) == (4, "within the noise", 80)
+    assert (code, tail["verdict"], tail["samples_needed"]) == (4, "not shown yet", 80)
     assert int(str(tail["samples"])) < 40
     assert int(str(asked["vision p90_response_time"]["samples"])) >= 40
 

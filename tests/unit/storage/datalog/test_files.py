@@ -1,4 +1,4 @@
-"""The log of tuning: a run comes back as it was written, is not written twice, and damage is told."""
+"""The tuning log: a run comes back as it was written, is not written twice, and damage is told."""
 
 import json
 from dataclasses import replace
