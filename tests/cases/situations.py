@@ -50,6 +50,16 @@ WITH_SCRIPTS = frozenset(
     }
 )
 """The situations whose scripts are kept: each kind of step once."""
+ON_POWERSHELL = WITH_SCRIPTS | {
+    "create-generation-1",
+    "create-linux",
+    "secure-boot-needs-a-stop",
+    "stop-action-needs-a-stop",
+    "stopped-stays",
+    "task-classes-new",
+    "unused",
+}
+"""The situations that a usual run shows to the real PowerShell: they have each form of call of all of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Situations of a Hyper-V host: what rarms makes of each lies beside it, can be read, and does it."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from rarms_iac.app.plan_files import plan_in
 from rarms_iac.powershell.literals import unreadable
 from rarms_iac.storage.plan_file import write_plan
-from tests.cases.situations import WITH_SCRIPTS, command_of, folders, made, outputs, stand_in
+from tests.cases.situations import ON_POWERSHELL, WITH_SCRIPTS, command_of, folders, made, outputs, stand_in
 from tests.fake_powershell.cell import apply, in_one_file, scripts_of, undo
 from tests.fake_powershell.observing import document_of
 
@@ -35,6 +36,21 @@ def test_golden_files_are_what_rarms_makes(folder: Path) -> None:
         assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
     for name, text in scripts_of(plan).items() if (plan := made(folder).plan) else ():
         assert unreadable(text, name) == ()
+
+
+def forms_of_calls(folder: Path) -> set[tuple[str, ...]]:
+    """Each cmdlet of the scripts with the names of its parameters."""
+    plan = made(folder).plan
+    calls = re.findall(
+        r"\b([A-Z][a-z]+-[A-Z]\w+)\b([^|;{}\n]*)", b"".join(scripts_of(plan).values()).decode() if plan else ""
+    )
+    return {(name, *re.findall(r" (-[A-Za-z]+)\b", rest)) for name, rest in calls}
+
+
+def test_real_powershell_runs_each_form_of_call() -> None:
+    forms = {folder.name: forms_of_calls(folder) for folder in FOLDERS}
+
+    assert set().union(*forms.values()) == set().union(*(forms[name] for name in ON_POWERSHELL))
 
 
 @situations

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.cases.situations import WITH_SCRIPTS
+from tests.cases.situations import ON_POWERSHELL, WITH_SCRIPTS
 from tests.effort import LONG
 from tests.real_powershell.any_engine import SYSTEM
 from tests.real_powershell.engines import Engine, linux_engine, windows_engine
@@ -53,8 +53,6 @@ FOR_THE_LONG_RUN = frozenset(
     }
 )
 """Tests of the list that show no kind of run which others do not."""
-OF_EACH_SITUATION = ("test_situation_in_every_form", "test_scripts_do_what_plan_says_and_undo")
-"""Tests that are run with all their cases."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -67,9 +65,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         name, _, case = item.nodeid.partition("[")
         cases[name] += bool(case)
         is_more = (
-            (case and cases[name] > 1 and not name.endswith(OF_EACH_SITUATION))
+            case.removesuffix("-module]") not in ON_POWERSHELL - WITH_SCRIPTS  # the latter are run in every form
+            if name.endswith("test_scripts_do_what_plan_says_and_undo")
+            else (case and cases[name] > 1 and not name.endswith("test_situation_in_every_form"))
             or name.rpartition("::")[2] in FOR_THE_LONG_RUN
-            or case.removesuffix("-module]") in WITH_SCRIPTS  # it is run in every form
         )
         if LONG or not is_more or "test_runs.py" not in name or item.name in SAMPLES:
             kept.append(item)

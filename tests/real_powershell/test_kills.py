@@ -27,8 +27,8 @@ KEPT = {FOLDER.lower(), JOURNAL.lower()}
 """All that an undone run leaves, beside its result."""
 OFTEN = {JOURNAL.lower() + ".old"}
 """The journal before it, which is there if there was one."""
-LEFT = ("files", "owners", "registry", "machines", "event log")
-"""What stays when a process is gone."""
+LEFT = ("files", "owners", "registry", "machines")
+"""What stays when a process is gone. The event log is not among it: a run writes there between two effects."""
 
 CELLS = {"creation": fresh, "change": everything}
 EFFECTS = {"creation": 62, "change": 97}
