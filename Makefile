@@ -55,7 +55,7 @@ counts: $(TESTS) ## The size of the code base: ids, classes, modules, lines by r
 lock: $(TESTS) ## The versions that the Action installs, with their hashes; after a change of dependencies
 	@scripts/lock
 
-figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
+figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers next to them
 	@scripts/figures
 
 evaluation: $(TESTS) ## The same, and more, from real components on this Linux, as root (half an hour)

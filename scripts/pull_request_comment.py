@@ -4,8 +4,8 @@ A comment of another account is left alone, also one with that line: its author 
 
 On GitHub it asks the API as the steps of `action.yml` find it: GITHUB_API_URL, GITHUB_REPOSITORY, NUMBER, AUTHOR and
 TOKEN. In a merge request's pipeline of GitLab it asks GitLab's: CI_API_V4_URL, CI_PROJECT_ID, CI_MERGE_REQUEST_IID, and
-a TOKEN of the account AUTHOR. A token that may not write, as pull requests from forks have, is told and no failure: the
-summary of the run has the same text.
+a TOKEN of the account AUTHOR. A token that may not write, as pull requests from forks have, is reported and is not a
+failure: the summary of the run has the same text.
 """
 
 import json

@@ -145,7 +145,7 @@ def _output(cls: type, schema: Callable[[Any], Schema]) -> Schema:
 
 
 def _told_by_names(members: tuple[Any, ...], schemas: list[Schema]) -> list[Schema]:
-    """Return the members of a union; a dataclass among several that has no `kind` is told by its name around it."""
+    """Return the members of a union; a dataclass among several that has no `kind` is marked by its name around it."""
     records = {member for member in members if isinstance(member, type) and is_dataclass(member)}
     return [
         {

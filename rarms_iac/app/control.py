@@ -77,7 +77,7 @@ class FinishedUnit:
 
 
 class MeasuringReporter:
-    """Told what happens, as it happens; must not raise. This one drops what it is told."""
+    """Receives events as they happen; must not raise. This one drops them."""
 
     def work_begun(self, work: WorkBegun) -> None:
         """Report that so many units of work begin."""
@@ -94,7 +94,7 @@ class MeasuringReporter:
         """Report that the setting of this CR begins.
 
         Args:
-            remaining: what the experiment still asks for, with this setting; None: nothing tells yet how long it takes.
+            remaining: what the experiment still asks for, with this setting; None: its duration is not known yet.
         """
 
     def samples_came(self, experiment: Experiment, reserve: ReservePercent, seen: Mapping[str, Series]) -> None:

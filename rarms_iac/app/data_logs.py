@@ -321,7 +321,7 @@ def _log_of_each_load(
 def _left_idle(system: System, group: Group, host: Host, logs: Sequence[MeasuredTogether]) -> Diagnostic:
     """Return the remark that the loads left much of the host idle.
 
-    NOTE: of a load that cannot take all by its nature RARMS325 tells, from the manifest; so this is not said of it.
+    NOTE: of a load that cannot take all by its nature RARMS325 reports it, from the manifest; so this does not.
     """
     names = names_of(group.members)
     loads = system.loads_of(names)

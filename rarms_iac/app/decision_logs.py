@@ -40,7 +40,7 @@ from rarms_iac.texts.indexes import show_threshold
 def record_choices(manifest: Manifest, components: Iterable[str] = ()) -> tuple[Path, ...]:
     """Write down what follows from the manifest and the data logs, where the configuration log does not say it yet.
 
-    A component whose reservation is not known is left out: `rarms plan` tells why.
+    A component whose reservation is not known is left out: `rarms plan` gives the reason.
 
     Args:
         manifest: The manifest, with its measurements next to it.

@@ -183,7 +183,7 @@ def _about_logs(
     """Report what there is to say of the data logs; one platform on which a log holds is enough."""
     for group in filter(depends_on_a_log, groups):
         if not problem.system.loads_of(names_of(group.members)):
-            continue  # that is told already
+            continue  # that is reported already
         hosts = [problem.system.hosts[name] for name in problem.claims[group.name]]
         answers = [(source.look_up(group.members, host), host) for host in hosts]
         known = next((answer for answer, _ in answers if isinstance(answer, LookedUp)), None)

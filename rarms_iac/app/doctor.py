@@ -163,7 +163,7 @@ class DoctorReport:
 
 
 def report_examinations(hosts: Hosts, examined: Examinations) -> DoctorReport:
-    """Keep of an examination what tells nothing of whose it is.
+    """Keep the parts of an examination that do not show whose it is.
 
     Returns:
         Numbers, versions and words of ours; text that a host or a manifest says is left out.

@@ -131,7 +131,7 @@ def drift_of_hosts(
 
     Returns:
         The drift by host name, and the findings that keep the manifest from being compared: without a layout it is
-        unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
+        unknown what is wanted, and only changes on the hosts are reported. With one, those of hosts that fail.
     """
     hosts, findings = desired_hosts(request, observed)
     application = request.application

@@ -155,7 +155,7 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
         A value for each path, in order, whether its text differs or not.
 
     Raises:
-        UseCaseError: one of them is not there (missing) or no manifest (negative); all problems of all files are told.
+        UseCaseError: one of them is not there (missing) or no manifest (negative); with all problems of all files.
     """
     formatted: list[FormattedManifest] = []
     problems: list[Diagnostic] = []

@@ -257,7 +257,7 @@ def points_of(
     Args:
         recorded: The settings, in the order in which they were measured.
         apt: The thresholds of the component; without the index there is no verdict.
-        run: How the component is run; tells what of a sample counts.
+        run: How the component is run; it decides what counts of a sample.
 
     Returns:
         Ascending; of equal reserves the earlier one first.

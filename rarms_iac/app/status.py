@@ -182,11 +182,11 @@ def overview_of(hosts: Hosts, report: Report | None = None, *, explain: bool = F
     """Look at the chosen hosts and at the logs next to the manifest. Changes nothing.
 
     Args:
-        hosts: one that cannot be looked at is told as such, and the others are told all the same.
+        hosts: one that cannot be read is reported as such, and the others all the same.
         report: as `measured_report` returns it; None: the logs are read.
 
     Returns:
-        Each host in name order; one that cannot be reached is told with its finding.
+        Each host in name order; one that cannot be reached has its finding.
 
     Raises:
         UseCaseError: a data log cannot be read (negative).

@@ -130,7 +130,7 @@ def conflict_finding(path: str) -> Diagnostic:
     """Make the finding for a file that exists already and is not replaced.
 
     Returns:
-        A finding that tells to name another file or folder.
+        A finding that asks for another file or folder.
     """
     return NOT_WRITTEN.at(
         None,

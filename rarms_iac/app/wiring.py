@@ -221,7 +221,7 @@ def read_script_output(data: bytes, host: str) -> Snapshot | None:
     try:
         document = document_of(data)
     except NotDecodable:
-        return None  # who reads snapshots of other forms tells what is wrong with it
+        return None  # the reader of snapshots of other forms reports what is wrong with it
     if not is_observation(document):
         return None
     observation = observation_of(document)

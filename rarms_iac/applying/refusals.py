@@ -90,7 +90,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
 
 
 def different_host(host: str, serial: int, planned: int) -> Diagnostic:
-    """Refuse a host that knows of fewer runs than the plan: it is another one, as no host forgets a run."""
+    """Refuse a host that knows of fewer runs than the plan: it is another one, as a host keeps all its runs."""
     return MOVED.of_host(
         host,
         (

@@ -204,7 +204,7 @@ def steps_without_plan(
 def _import_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Adopt | Diagnostic]:
     """Yield the change that makes the machine of this id the manifest's partition; its settings stay.
 
-    The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
+    The mark says what the machine has now, so that the next plan shows what the manifest wants of it.
     """
     (name,), application, machine = request.partitions, request.application, request.machine
     address, place = f"partition/{name}", locate(Address(partition=name))

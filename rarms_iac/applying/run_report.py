@@ -86,7 +86,7 @@ class TitledStep:
 
 
 ReportedStep = Step | TitledStep
-"""A step as a reporter is told of it, whether rarms walks it or a script does."""
+"""A step as a reporter receives it, whether rarms runs it or a script does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +104,7 @@ class RunBegun:
 
 
 class RunReporter:
-    """Told while a run goes on; must not raise. This one drops what it is told."""
+    """Receives the events of a run; must not raise. This one drops them."""
 
     def run_started(self, begun: RunBegun) -> None:
         """Report that a host's run begins or goes on."""

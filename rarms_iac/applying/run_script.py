@@ -1,4 +1,4 @@
-"""A run by a host's own script: sent, listened to, and told like a run that rarms walks itself.
+"""A run by a host's own script: sent, followed, and reported like a run that rarms does itself.
 
 The script takes the lock, keeps the journal and guards its steps; what it says is made into the same reports. Where
 its end was not heard, nothing is guessed: the host's journal knows, and the next run asks it.

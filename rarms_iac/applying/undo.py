@@ -116,7 +116,7 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
                 asked = RunJob(plan=unfinished.started.plan, waits=waits)
                 return run_there(host, "abandon", asked, UNATTENDED_RUN)
             case StepwiseHost():
-                journal = host.journal()  # read whole: one that is damaged anywhere tells of no run that ended
+                journal = host.journal()  # read whole: one that is damaged anywhere shows no run that ended
                 if journal is None or not journal.unfinished:
                     return RunReport(ending=RunEnding.NOTHING)
                 host.record(RunClosed(closing=Closing.ABANDONED))
@@ -174,7 +174,7 @@ def script_undone(run: ScriptRun) -> tuple[str, ...]:
 def steps_to_undo(journal: Journal, spared: frozenset[Address] = frozenset()) -> tuple[tuple[int, Step], ...]:
     """Return the steps that the run may have done, with their numbers, last one first, without those of what is kept.
 
-    What was done to a machine before it was removed went with it: only the removal itself is told.
+    What was done to a machine before it was removed went with it: only the removal itself is reported.
     """
     touched = journal.touched()
     gone: set[str] = set()

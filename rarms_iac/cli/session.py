@@ -20,7 +20,7 @@ class Session:
     terminal: Terminal
     interrupts: Interrupts = field(default_factory=Interrupts)
     command: str = ""  # its name, as soon as it runs
-    as_json: bool = False  # a program reads standard output: an early end is told there, too
+    as_json: bool = False  # a program reads standard output: an early end is reported there, too
     answer_follows: bool = False  # a run that is done is not the command's answer: what follows it is
 
     def answer(self, as_json: Callable[[], str], as_text: Callable[[], "RenderableType"]) -> None:

@@ -1,7 +1,7 @@
 """Drift: was the host changed, or the manifest?
 
-Since the last apply the `set` of a mark tells. Since a plan was made a digest of every part that the plan uses
-does; nothing that moves by itself is in them: no load, no uptime, no assigned memory.
+The `set` of a mark shows changes since the last apply. Changes since a plan was made are shown by a digest of every
+part that the plan uses; nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

@@ -53,7 +53,7 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     Args:
         address: the partition; its machine's id is not known yet.
         after: the partition as it is to be, with its mark.
-        reason: told to the reviewer of every step.
+        reason: shown to the reviewer of every step.
         context: what making needs (image, switch, folder), and how long its guest may take to shut down.
 
     Yields:
@@ -135,7 +135,7 @@ def update_partition(
 
     Args:
         address: the partition with its machine's id.
-        reason: told to the reviewer of every step.
+        reason: shown to the reviewer of every step.
         context: which settings of this host change live.
 
     Yields:
@@ -198,7 +198,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
 
     Args:
         address: the partition with its machine's id.
-        reason: told to the reviewer of every step.
+        reason: shown to the reviewer of every step.
         context: the disks that go with the machine.
 
     Yields:
@@ -267,7 +267,7 @@ def adopt_partition(address: Address, before: Partition, after: Partition, reaso
     Args:
         address: the partition with its machine's id.
         after: the same with its mark; it must have one.
-        reason: told to the reviewer of the step.
+        reason: shown to the reviewer of the step.
 
     Yields:
         One step.
@@ -283,7 +283,7 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
     Args:
         address: the partition with its machine's id.
         before: the machine as observed, with its mark.
-        reason: told to the reviewer of the step.
+        reason: shown to the reviewer of the step.
 
     Yields:
         One step; its undo writes the mark again.

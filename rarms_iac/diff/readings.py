@@ -153,7 +153,7 @@ def same_path(path: str, other: str) -> bool:
     """Tell whether Windows takes two paths for the same: slashes and case do not matter.
 
     Args:
-        path: as the host tells it, or as rarms makes it; not made absolute.
+        path: as the host gives it, or as rarms makes it; not made absolute.
 
     Returns:
         False for two spellings that only the host could tell to be the same, such as a short name or a link.

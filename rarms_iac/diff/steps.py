@@ -171,7 +171,7 @@ def write_registry(
         address: of the class, or of SystemResponsiveness.
         before: as observed; None: nothing is there.
         after: as wanted, with its record.
-        reason: told to the reviewer of every step.
+        reason: shown to the reviewer of every step.
 
     Yields:
         The record's step first, then that of the values; neither where nothing differs.
@@ -193,7 +193,7 @@ def restore_registry(address: Address, before: TaskClass | Responsiveness, reaso
     Args:
         address: of the class, or of SystemResponsiveness.
         before: as observed, with rarms' record.
-        reason: told to the reviewer of every step.
+        reason: shown to the reviewer of every step.
 
     Yields:
         The values' step where they differ, then that of the record.

@@ -90,7 +90,7 @@ def forecast(
     seconds: Sequence[float],
     window_ms: float,
 ) -> str:
-    """Return the line with the number of settings and how long they take, as far as something tells that.
+    """Return the line with the number of settings and how long they take, as far as that is known.
 
     Args:
         seconds: That comparable settings of this command took; they alone count on a simulated host.
@@ -222,7 +222,7 @@ class WallTimes:
             running: How many of the others run, 0 or 1.
 
         Returns:
-            None: no setting of this command tells how long one takes, or the count is not known.
+            None: no setting of this command shows how long one takes, or the count is not known.
         """
         seconds = self.comparable(experiment)
         if count is None or not seconds:

@@ -48,7 +48,7 @@ def measure_with_each_load(
     Args:
         experiments: The same components on the same host, one a load.
         begin: The answer of the first pass, at which the search with the first load begins; 0: there is none.
-        ended: Told the result with each load, once.
+        ended: Receives the result with each load, once.
 
     Returns:
         A result for each load that was measured.

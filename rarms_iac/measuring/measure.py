@@ -324,7 +324,7 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
 def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tuple[PlanScript, ...]:
     """Return the scripts that `measure_components` would run on Hyper-V hosts; they are looked at, and nothing is run.
 
-    One script measures an experiment: it makes P1 and P2, is told each setting, and removes them. A second one removes
+    One script measures an experiment: it makes P1 and P2, receives each setting, and removes them. A second one removes
     what a killed one left.
 
     Returns:
@@ -367,7 +367,7 @@ def remeasurements_for(
 
     Args:
         experiments: What is to be measured once more.
-        asked: Tells this command's remeasurements from those of others (`measure_request.describe_request`).
+        asked: Distinguishes this command's remeasurements from those of others (`measure_request.describe_request`).
 
     Returns:
         By data log the remeasurement that is not ended, or a new one, which all logs say then.

@@ -382,7 +382,7 @@ def has_passes(request: MeasureRequest) -> bool:
 
 
 def describe_request(request: MeasureRequest) -> str:
-    """Describe what tells a command from others of the same components.
+    """Describe what distinguishes a command from others of the same components.
 
     Returns:
         Words such as `default; 200 samples`; equal requests have equal words.

@@ -28,7 +28,7 @@ from rarms_iac.texts.indexes import show_threshold
 MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
 
 HUNDREDTHS = 100
-"""LPs are told in hundredths, rounded up where they are asked for."""
+"""LPs are shown in hundredths, rounded up where they are asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class WaysOut:
 
     helps: bool  # False: it waits for something else than a processor
     reserved_lp: Fraction | None  # of its partition; None: it has none, or runs in the host's own system
-    asked_lp: Fraction | None  # that its slowdown asks for; None: nothing tells
+    asked_lp: Fraction | None  # that its slowdown asks for; None: unknown
     free_lp: Fraction  # that its host has left
     hosts: Mapping[str, Fraction]  # others that have what is asked for, with the LPs that they have left
     processors: int  # VPs of its partition; 0: it has none

@@ -121,7 +121,7 @@ class IndexVerdict:
 
     measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
-    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
+    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: unknown
     condition: Condition | None = None  # on which it is met
 
     @property

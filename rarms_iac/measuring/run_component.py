@@ -152,7 +152,7 @@ class RunRequest:
 
 
 class SampleReporter:
-    """Hears what components show while they run; must not raise. This one drops what it is told."""
+    """Receives what components show while they run; must not raise. This one drops it."""
 
     def place_chosen(self, message: str) -> None:
         """Take note of where a component is about to run.
@@ -415,7 +415,7 @@ _LEAST_OTHERS = 0.05
 def _describe_others(result: ComponentRunResult, load: str | None) -> str:
     """Describe who may have taken processor time from a component that ran without a reservation; empty: nobody.
 
-    A container or a service is not told from other programs here.
+    A container or a service is not separated from other programs here.
     """
     if load is not None:
         return f"The load {load} ran meanwhile: a reservation may help."

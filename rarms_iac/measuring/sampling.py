@@ -67,7 +67,7 @@ class Settling:
         """Record what a component consumed until now; to be called as each of its jobs ends.
 
         Args:
-            running: tells the time and what was consumed.
+            running: has the time and the consumed processor time.
         """
         consumed = running.cpu_ms(component)
         if consumed is None:

@@ -115,7 +115,7 @@ class Searching:
         decision = self.decide_search(trials, self.goal) if guess is None else guess
         can_pass = may_be_shown(trials, self.goal) or any(trial.passed for trial in trials)
         if isinstance(decision, Measure) and not can_pass:
-            decision = Measure(reserve=100, until_clear=True)  # does the whole host miss? Nothing else can be told
+            decision = Measure(reserve=100, until_clear=True)  # does the whole host miss? Nothing else can be shown
         decision = self._within_most(decision, trials)
         if isinstance(decision, Measure):
             return decision

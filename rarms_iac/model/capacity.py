@@ -254,7 +254,7 @@ def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
     if _first_fit(sizes, [WHOLE] * bins):
         return True
     waiting = [*accumulate(reversed(sizes), initial=0)][::-1]  # by number: what is still to be placed
-    failed = set[tuple[int, ...]]()  # what was left, whose sum tells the number
+    failed = set[tuple[int, ...]]()  # what was left; its sum gives the number
     allowed = nodes = min(SEARCH_NODES, effort.steps)
 
     def place(number: int, free: tuple[int, ...]) -> bool:

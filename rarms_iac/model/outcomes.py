@@ -40,7 +40,7 @@ class Overload:
 
     period_ms: float
     between_ms: float  # from the end of one job to the end of the next, on average: more than the period
-    job_cpu_ms: float | None  # processor time of a job; None: cannot be told
+    job_cpu_ms: float | None  # processor time of a job; None: unknown
 
     @output
     def needed_lp(self) -> float | None:
@@ -217,7 +217,7 @@ class NotResolved:
     reason: str
     member: str = ""  # whose samples are meant: the one that has to be measured longest; empty: each
     samples: int | None = None  # with which the highest setting would probably be clear, maybe more than it may have;
-    # None: nothing tells
+    # None: unknown
     more_settings: int = 0  # the search ended before its end: so many settings more, at most, may find one
     ends_at_until: bool = False  # a setting took `run.until` at most, and no budget
 

@@ -41,7 +41,7 @@ class Condition:
     counters: bool | None = None  # of the hypervisor, which prove contention
     elevated: bool | None = None  # who looked: only such a one may change the host
     hyperv_administrator: bool | None = None  # who looked is a member of that group
-    script_running: bool | None = None  # of rarms, on that host; only a look on the host itself tells
+    script_running: bool | None = None  # of rarms, on that host; only a look on the host itself shows it
     seen_processors: int | None = None  # logical processors that the host's own Windows sees
     numa_nodes: int | None = None
     responsiveness: RegistryValue | None = None  # SystemResponsiveness of the host's own Windows, where it is set

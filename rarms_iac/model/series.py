@@ -55,7 +55,7 @@ class Series:
     component: str
     samples: Sequence[Sample]  # `SampleColumns`, where there may be many
     elapsed_ms: float
-    cpu_ms: float | None = None  # processor time that the component consumed; None: cannot be told here
+    cpu_ms: float | None = None  # processor time that the component consumed; None: unknown here
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had
     wanders: bool = False  # real processes, all samples of a setting: the machine's speed changes for seconds
 

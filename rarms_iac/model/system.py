@@ -528,7 +528,7 @@ class System:
 
         Returns:
             Names of `interference`, in the order in which they are measured; each once. Names that it does not have
-                are left out: RARMS042 tells of them.
+                are left out: RARMS042 reports them.
         """
         own = {self.components[name].interference for name in members}
         only = own.pop() if len(own) == 1 else ()

@@ -1,6 +1,6 @@
 """A measurement as a script: the test partitions that it makes, and what it runs inside guests meanwhile.
 
-One script an experiment. It holds the host, makes the test partitions, is told setting after setting what to reserve
+One script an experiment. It holds the host, makes the test partitions, receives the reserves setting after setting
 (docs/hyperv.md), passes on what guests say, and removes what it made, however it ends. Without partitions and work it
 only removes what a killed one left.
 """
@@ -46,7 +46,7 @@ def render_measuring(
     """Make the script.
 
     Args:
-        shapes: test partitions, in the order in which their reserves are told.
+        shapes: test partitions, in the order in which their reserves are sent.
         works: programs inside guests; none: the script only removes test partitions.
 
     Returns:

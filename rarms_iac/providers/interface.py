@@ -126,7 +126,7 @@ class StepwiseHost(HoldableHost, Protocol):
         """Hold the host; released when the context ends or the process dies.
 
         Args:
-            owner: who holds it, told to others that want it.
+            owner: who holds it, shown to others that want it.
             timeout_ms: how long to wait for another run; 0: not at all.
 
         Returns:
@@ -307,7 +307,7 @@ class ScriptedHost(ReadableHost, Protocol):
         Args:
             script: the script that runs, and those that must lie next to it.
             waits: how long to wait for a held host, and for a silent script.
-            listener: told each event, and asked whether to stop.
+            listener: receives each event, and is asked whether to stop.
             abandoning: whether the script only closes its unfinished run.
 
         Returns:

@@ -115,7 +115,7 @@ class RunningWork(Protocol):
             component: One of the work, by name.
 
         Returns:
-            None where it cannot be told.
+            None if it is unknown.
         """
 
     def used_processors(self, partition: str) -> int | None:

@@ -2,7 +2,7 @@
 
 Arguments: how many processes, the processor time of a burst on each, and the gap between bursts on average, both in ns.
 Writes `running` once all of them are there. With `one NUMBER BURST` it is one of these processes: on standard input it
-is told when to wake, and on standard output it says when its burst is done.
+it receives the times to wake, and on standard output it says when its burst is done.
 """
 
 import os
@@ -62,7 +62,7 @@ def all_answer(threads: "list[subprocess.Popen[bytes]]") -> bool:
 
 
 def burst_when_told(number: int, burst_ns: int) -> int:
-    """Wake when told, and use so much processor time, also where others use the processor meanwhile."""
+    """Wake on request, and use so much processor time, even if others use the processor meanwhile."""
     if hasattr(os, "sched_setaffinity"):
         processors = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, [processors[number % len(processors)]])

@@ -19,7 +19,7 @@ from rarms_iac.running.orders import CannotStart, StartContext
 from rarms_iac.texts.messages import last_words, reason_of
 
 PERIOD_VARIABLE = "RARMS_PERIOD_MS"
-"""Tells a command that paces itself its period, as a number of milliseconds."""
+"""The variable with the period of a command that paces itself, as a number of milliseconds."""
 
 _FILE_CHARACTERS = 2**20
 _SOURCING_S = 60.0

@@ -22,10 +22,10 @@ class MessageJob:
 
 @dataclass(slots=True, kw_only=True)
 class MessagePairs:
-    """The inputs whose jobs are not told yet, by stamp.
+    """The inputs whose jobs are not reported yet, by stamp.
 
     Nothing is a job before the first input that is answered: until then the component starts. A stamp may come again
-    when its job is told, as from a bag that is played in a loop.
+    when its job is reported, as from a bag that is played in a loop.
     """
 
     timeout_s: float
@@ -36,7 +36,7 @@ class MessagePairs:
     has_begun: bool = False
     _open: dict[int, MessageJob] = field(default_factory=dict)  # the oldest first
     _early: dict[int, float] = field(default_factory=dict)
-    _told: dict[int, float] = field(default_factory=dict)  # stamps whose jobs were told, by the time of their inputs
+    _told: dict[int, float] = field(default_factory=dict)  # stamps of reported jobs, by the time of their inputs
 
     def take_input(self, stamp: int, at: float) -> None:
         """Take an input; an output that was quicker answers it at once."""

@@ -104,7 +104,7 @@ def short_secrets(components: Iterable[Component], places: Places) -> Iterator[D
         components: whose `from_env` variables are looked at.
 
     Yields:
-        A warning for each such variable of a component; it tells neither the value nor its length.
+        A warning for each such variable of a component; it shows neither the value nor its length.
     """
     for component in components:
         for path, _, value in component.run.own_variables if component.run is not None else ():

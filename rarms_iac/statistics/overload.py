@@ -117,7 +117,7 @@ def describe_overload(overload: Overload, *, helps: bool = True) -> str:
     """Write what an overloaded component needs.
 
     Args:
-        helps: whether more CPU does (`more_processors_help`); of who waits for something else, LPs are not told.
+        helps: whether more CPU does (`more_processors_help`); if it waits for something else, no LPs are given.
 
     Returns:
         A clause with numbers: `overloaded: needs 1.3 LP, has 1.0`.

@@ -23,7 +23,7 @@ def response_times(samples: Sequence[Sample]) -> list[float]:
         Times in ms, in the same order; jobs without an answer are left out.
     """
     times = columns_of(samples).response_ms.tolist()
-    # NOTE: their sum tells whether there are jobs without an answer (no number), which is far quicker than to look.
+    # NOTE: their sum shows whether there are jobs without an answer (no number), which is far quicker than to look.
     return [time for time in times if not isnan(time)] if isnan(sum(times)) else times
 
 

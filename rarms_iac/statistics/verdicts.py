@@ -165,8 +165,8 @@ def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
         judged: an index for which the samples show neither.
 
     Returns:
-        How many of all samples, no fewer than there are; infinite where the index is at its threshold. None: nothing
-            tells.
+        How many of all samples, no fewer than there are; infinite where the index is at its threshold. None:
+            unknown.
     """
     if _meets(judged):
         return float(len(series.samples))

@@ -2,7 +2,7 @@
 
 A dataclass becomes an object of its fields, an enumeration its value, a `Fraction` the text `1/3`, a date its ISO
 text, a tuple or frozenset an array, a mapping with text as keys an object in its own order, samples an object of
-columns. In a union of dataclasses the member is told by its `kind` field; where the members have none, an object
+columns. In a union of dataclasses the `kind` field names the member; where the members have none, an object
 `{"<class name>": {...}}` says it. A field of `Any` holds JSON as it is. Reading is strict: what is unknown, missing or
 of a wrong type is `NotDecodable`, with the path to it. Nothing is guessed and nothing is executed.
 """

@@ -32,7 +32,7 @@ _WITH_THIS_VERSION = prose("Make the plan again with this version of rarms: ", P
 
 
 class PlanFileError(Exception):
-    """The file is not a plan that may be applied; `message` tells what it is instead, `advice` what to do."""
+    """The file is not a plan that may be applied; `message` says what it is instead, `advice` what to do."""
 
     def __init__(self, message: str, advice: Wording, finding: Finding = UNREADABLE) -> None:
         super().__init__(message)

@@ -37,8 +37,8 @@ def open_regular(path: Path | str) -> BinaryIO:
 
     A symbolic link is followed; what counts is what it leads to. The caller closes the file.
 
-    NOTE: in a git repository no link is followed out of it. Who wrote what lies there may be a stranger whose pull
-    request is being looked at, and a finding shows lines of files.
+    NOTE: in a git repository no link is followed out of it. Its files may come from an untrusted pull
+    request, and a finding shows lines of files.
 
     Returns:
         The file at its first byte.

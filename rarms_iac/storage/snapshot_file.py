@@ -13,7 +13,7 @@ MAX_BYTES = 64 * 2**20
 
 
 class SnapshotUnreadable(Exception):
-    """The file does not say what a host looks like; `message` tells why."""
+    """The file does not say what a host looks like; `message` has the reason."""
 
     finding: ClassVar[Finding] = NOT_READ
 

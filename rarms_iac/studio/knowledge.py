@@ -79,7 +79,7 @@ def look(source: ManifestSource, version: str) -> Knowledge:
         version: of its files, before they are read.
 
     Returns:
-        What is known; what could not be read is told by findings.
+        What is known; findings report what could not be read.
     """
     known = Knowledge(version=version)
     try:

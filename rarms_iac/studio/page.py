@@ -181,7 +181,7 @@ PROVE_BOXES = tuple(_boxes(ProveRequest, "load_host", "without_load"))
 class StudioOnPage:
     """Everything that a server adds."""
 
-    version: str  # of what the page shows, as the server tells it when it changes
+    version: str  # of what the page shows, as the server sends it when it changes
     application: str
     read_only: bool
     manifest_options: str

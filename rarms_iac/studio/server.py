@@ -1,6 +1,6 @@
 """The server: routes on the loopback interface, and the page's way to the use cases. Begin at `serve`.
 
-Reading goes by GET and changes nothing; everything else is a POST of JSON from the page itself. What changed is told by
+Reading goes by GET and changes nothing; everything else is a POST of JSON from the page itself. Changes are sent as
 server-sent events: the page then asks for itself again. All of it passes `guard`.
 """
 
@@ -159,7 +159,7 @@ class Studio:
         ]
 
     def close(self) -> None:
-        """End what browsers are told, so that their connections can end."""
+        """End the events for browsers, so that their connections can end."""
         self._closed.set()
 
     async def _page(self, _request: Request) -> Response:
@@ -320,7 +320,7 @@ def serve(
     keys, studio = Keys(), Studio(settings, stop, watch)
     config = uvicorn.Config(
         guarded(studio, port, keys), log_config=None, access_log=False, server_header=False, lifespan="off",
-        log_level="error",  # what strangers send wrongly is not printed on the terminal
+        log_level="error",  # malformed requests are not printed on the terminal
         http=BoundedProtocol, backlog=MOST_ACCEPTED, ws="none", proxy_headers=False, timeout_graceful_shutdown=2,
     )  # fmt: skip
     server = StudioServer(config)

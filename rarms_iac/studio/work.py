@@ -157,7 +157,7 @@ class WorkStop:
 
 
 Task = Callable[[Transcript, StopSignal], Ending]
-"""Does a use case, and tells how it ended."""
+"""Does a use case, and returns how it ended."""
 
 
 class TaskRunner:
@@ -239,7 +239,7 @@ class TaskRunner:
             transcript.findings(error.findings, error.sources)
         except OSError as error:
             transcript.findings([system_finding(error)])
-        except Exception as error:  # noqa: BLE001 - as at the entry of the command line: a fault is told, too
+        except Exception as error:  # noqa: BLE001 - as at the entry of the command line: a fault is reported, too
             transcript.findings([bug_finding(error)])
         finally:
             transcript.hide()

@@ -93,7 +93,7 @@ def findings_as(
         sources: The text of each file, or its lines, by the name that places use; only text shows it.
         places: Of the manifest. Each result of SARIF and each annotation has a place; other forms leave it out for a
             finding that has none. NOTE: Code scanning refuses a whole file for one result without a location.
-        accepted: Findings that the policy silences; each form tells them apart or counts them.
+        accepted: Findings that the policy silences; each form marks or counts them.
     """
     match form:
         case OutputFormat.TEXT:

@@ -21,7 +21,7 @@ const moveTo = (plot, number) => {
 
 const nearest = (plot) => Number(plot.text) / step(plot);
 
-// From a threshold beside the grid, the next step in that direction.
+// From a threshold off the grid, the next step in that direction.
 const moveBy = (plot, steps) => {
   const at = nearest(plot);
   const on = Math.abs(at - Math.round(at)) < 1e-6 ? Math.round(at) : steps > 0 ? Math.floor(at) : Math.ceil(at);

@@ -7,9 +7,9 @@ import { wanted } from "./lookup.js";
 const followed = (page) => ["header.page", "main", "footer"].map((part) => page.querySelector(part));
 let served = followed(document).map((part) => part.cloneNode(true)); // as the server sent them last
 let page = start();
-let version = null; // the last that the server told of
+let version = null; // the last that the server sent
 let refreshing = false;
-let isRunning = false; // as the server told last
+let isRunning = false; // as the server sent last
 let news = null; // the stream of the server's news
 let asking = 0; // requests that wait for their answer
 

@@ -112,7 +112,7 @@ class Runner:
         session.runner = self
         scope = Scope(session, None)
         session.state = scope.state
-        scope.variables |= {"pid": self.process, "told": told, "psdefaultparametervalues": Table()}
+        scope.variables |= {"pid": self.process, "request": told, "psdefaultparametervalues": Table()}
         try:
             block.function.body(scope, _Said(self))
         except Interrupted:

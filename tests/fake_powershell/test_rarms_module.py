@@ -218,7 +218,7 @@ def test_script_without_its_folder_says_where_it_belongs() -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (without(MODULE), "Rarms.psm1 is missing: copy the folder Rarms beside this script"),
+        (without(MODULE), "Rarms.psm1 is missing: copy the folder Rarms next to this script"),
         (
             changed(MODULE, lambda data: data.replace(b"\r\n", b"\n")),
             "Rarms.psm1 has other line ends than it was made with",

@@ -231,7 +231,7 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
 
 
 def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
-    """Yield a limit below what its reserve needs, rounded up, is raised, and the reader is told so."""
+    """Yield a limit below what its reserve needs, rounded up, is raised, with a note to the reader."""
     # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
     raised = [partition for partition in desired.partitions if partition.settings.limit == partition.settings.reserve]
     groups = {group.name: group for group in groups_of(request.system)} if raised else {}

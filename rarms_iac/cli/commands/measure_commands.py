@@ -66,7 +66,7 @@ def measure_command(
 
     Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.
     They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`. Exit code 4 where a
-    component does not meet its thresholds or that cannot be told, 1 where what was stopped cannot be started.
+    component does not meet its thresholds or that is not shown, 1 if a stopped partition cannot be started.
     """
     stops = options.stops(on_busy_host=request.on_busy_host)
     request = replace(request, reserves=reserves_between(options.first, options.last, options.step))

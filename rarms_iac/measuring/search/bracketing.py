@@ -16,7 +16,7 @@ from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracke
 from rarms_iac.model.outcomes import WIDTH, Measure, NotAchievable, NotResolved, SearchDecision
 
 MOST = 8
-"""Settings with true verdicts that a curve takes at most: bisection tells 1..100 % and "none" apart by 7, and one."""
+"""Settings with true verdicts that a curve takes at most: bisection separates 1..100 % and "none" by 7, and one."""
 
 FIRST = 45
 """The first setting: high enough to see what time no CPU shortens, and near the middle, should nothing be learnt."""

@@ -131,7 +131,7 @@ def _work(points: Sequence[_Point], processors: int) -> float | None:
 def _time_wanted(
     measured: Mapping[int, Series], goal: Goal, member: Member, index: str, threshold: Threshold, *, of_bound: bool
 ) -> tuple[str, float | None]:
-    """Return the index to look at and the time (ms) that it must fall to; None: nothing tells.
+    """Return the index to look at and the time (ms) that it must fall to; None: unknown.
 
     Args:
         of_bound: Whether the bound at the end of a setting is to meet the threshold, not the value alone.
@@ -310,7 +310,7 @@ def _range_of_index(
 
 
 def _slope_at(reserve: ReservePercent, points: Sequence[_Point], work: float | None) -> float | None:
-    """Return b of a + b / CR at a setting, rather too small than too great; None: nothing tells.
+    """Return b of a + b / CR at a setting, rather too small than too great; None: unknown.
 
     It is read off the nearest other setting that is far enough, and is at most the work where that is far away or
     takes hardly another time.

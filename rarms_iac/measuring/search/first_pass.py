@@ -55,7 +55,7 @@ def _next(trials: Sequence[SearchTrial], goal: Goal, failed: int, upper: int) ->
     """Return where the curve probably crosses; after some settings the middle, by ratio, which always ends."""
     middle = sqrt(max(1, failed) * upper)
     if len(trials) >= MOST_SETTINGS - 1 and upper == NOTHING_PASSED:
-        return upper  # the highest tells whether anything meets them
+        return upper  # the highest shows whether anything meets them
     if len(trials) >= _BY_MODEL and upper > _WIDE * max(1, failed):
         return round(middle)
     return ceil(max((crossing.at for crossing in crossings_of(trials, goal, failed, upper)), default=middle))

@@ -447,7 +447,7 @@ def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResol
 def _samples_to_clear(trial: SearchTrial) -> tuple[str, int | None]:
     """Return the member that the setting has to be measured longest for, and with how many of its samples all is clear.
 
-    At most one sample more than a setting may have; None: nothing tells.
+    At most one sample more than a setting may have; None: unknown.
     """
     needed = [
         (each.component, samples_to_clear(judged, each), len(each.samples))

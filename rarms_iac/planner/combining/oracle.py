@@ -1,4 +1,4 @@
-"""Who answers what a compound does at a reservation, who is told, and who may say no to a combination."""
+"""Who answers for a compound at a reservation, who gets reports, and who may decline a combination."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -161,7 +161,7 @@ class Consent(Protocol):
 
 
 class PlannerReporter(Protocol):
-    """Told what combining does, as it does it; must not raise."""
+    """Receives each step of combining as it happens; must not raise."""
 
     def setting_answered(self, answer: Answer) -> None:
         """Take note that the oracle answered this question.
@@ -187,7 +187,7 @@ class PlannerReporter(Protocol):
 
 
 class SilentReporter:
-    """Drops what it is told."""
+    """Drops all reports."""
 
     def setting_answered(self, answer: Answer) -> None:
         """Do nothing."""

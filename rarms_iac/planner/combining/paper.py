@@ -91,7 +91,7 @@ def tune_performance_to_use_less_resource(
     Args:
         cois: what runs now, in any order.
         fits: whether the hosts have room for these CoIs; the paper compares their sum with 100 %.
-        inquiry: who answers, who may refuse a combination, and who is told.
+        inquiry: who answers, who may refuse a combination, and who gets reports.
         repeat: go on with the compound after the first combination.
 
     Returns:
@@ -131,7 +131,7 @@ def combine_components(
     What was asked is added to the trail.
 
     Args:
-        inquiry: who answers, who may refuse a combination, and who is told.
+        inquiry: who answers, who may refuse a combination, and who gets reports.
         trail: what was asked so far, in order; every answer is appended.
 
     Returns:

@@ -229,7 +229,7 @@ def search(
     search that was stopped asks the same questions again, and no answer contradicts what is known.
 
     Args:
-        inquiry: who answers, who is told, and who may decline a combination.
+        inquiry: who answers, who gets reports, and who may decline a combination.
         answers: what was answered in an earlier run of this search, in order.
         recorded: what else was measured of compounds. It is used only when the search would otherwise end, and then
             counts as if it had been asked for.

@@ -30,7 +30,7 @@ ROUNDS = 100
 
 _PROPERTIES = ("CPUWeight", "CPUQuota", "CPUQuotaPeriodSec")
 _FOLDERS = (Path("/run/systemd/system.control"), Path("/run/systemd/transient"))
-"""Where systemd keeps what `set-property --runtime` was told: of units with a file, and of transient ones."""
+"""Folders where systemd keeps the values of `set-property --runtime`: of units with a file, and of transient ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -281,7 +281,7 @@ class GroupTreeSystemd(GroupTreeV2):
         self._await(name, "cpu.max", shown)
 
     def _await(self, name: str, file: str, pattern: str) -> None:
-        """Wait until the kernel has what systemd was told: systemd answers before."""
+        """Wait until the kernel has the value that systemd was given: systemd answers before."""
         self._effects.await_text(self._file("cpu", name, file), pattern)
 
     def _write_unit(self, name: str) -> None:

@@ -62,7 +62,7 @@ _LOOKED_AT = {
     "the multimedia task classes": "tasks",
     "the execution policy": "execution_policy",
 }
-"""Probes that a check or a plan uses; whose absence is told elsewhere (rights, module, scheduler), or is normal
+"""Probes that a check or a plan uses; whose absence is reported elsewhere (rights, module, scheduler), or is normal
 (journal, records), is not here."""
 
 

@@ -246,7 +246,7 @@ def _raw_value(instance: Any, name: str) -> Any:
 
 
 def _code_of(error: Any) -> int:
-    """Return WMI's own code: within what scripts are told, or the error itself if no connection was made."""
+    """Return WMI's own code: the one in the message for scripts, or the error itself if no connection was made."""
     inner = (getattr(error, "excepinfo", None) or (0,))[-1]
     return int(inner or getattr(error, "hresult", 0) or 0) % 2**32
 

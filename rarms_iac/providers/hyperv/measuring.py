@@ -1,6 +1,6 @@
 """Measuring on a Hyper-V host: one script makes P1 and P2, runs components and loads inside guests, and removes all.
 
-rarms tells it the next setting (`3 run 45 55.`) and hears lines: what guests said, and what the hypervisor counted. A
+rarms sends it the next setting (`3 run 45 55.`) and hears lines: what guests said, and what the hypervisor counted. A
 guest's lines carry the times of its own clock, in which durations are; where they lie on the host's is known to 0.1 s.
 """
 
@@ -41,7 +41,7 @@ from rarms_iac.storage.reading import read_file
 from rarms_iac.texts.messages import last_words, reason_of
 
 MEMORY_MS = 100.0
-"""How long the past influences the hypervisor's scheduling. No page tells; taken as the simulated host has it."""
+"""How long the past influences the hypervisor's scheduling. Not documented; taken as the simulated host has it."""
 
 SILENCE_S = 120.0
 """A script that measures writes a line every second; one that waits for guests, every three seconds."""

@@ -327,7 +327,7 @@ class UnusableJournal:
 
 
 def last_run_of(observation: HostObservation) -> ScriptRun | UnusableJournal | None:
-    """Return the last run, as the journal of that operating system tells it; None: nothing has run there yet."""
+    """Return the last run according to the journal of that operating system; None: nothing has run there yet."""
     journal = or_else(observation.journal, None)
     return last_run(journal.owner, journal.text) if journal else None
 

@@ -191,7 +191,7 @@ class ScriptTransport:
     """A channel that starts the fixed bootstrap at the other end.
 
     Nothing is sent before the other end says that it is ready. A channel that runs one command sends all at once: lines
-    are told when it has ended, and the script cannot be asked to stop.
+    arrive when it has ended, and the script cannot be asked to stop.
     """
 
     def __init__(self, host: str, channel: CommandChannel, there: RemotePowerShell) -> None:

@@ -1,7 +1,7 @@
 """The channel to a Hyper-V host over WinRM: the command that ssh starts there too, through the shell of pypsrp.
 
-One thread sends and polls, since a connection of WinRM asks and is answered in turn. When rarms ends, the host is not
-told: a script that changes something goes on to its end, and measuring, whose test partitions would stay, is refused.
+One thread sends and polls, since a connection of WinRM asks and is answered in turn. When rarms ends, the host gets
+no message: a script that changes something runs to its end. Measuring is refused, as its test partitions would stay.
 """
 
 import os
@@ -34,7 +34,7 @@ CONNECT_SECONDS = 15
 POLL_SECONDS = 2
 """How long the host holds a question back that it has no answer to; what is sent waits so long at most."""
 LARGEST_SEND = 64 * 2**10
-"""Bytes of one message: WinRM takes 150 KiB of XML unless its host is told otherwise."""
+"""Bytes of one message: WinRM takes 150 KiB of XML unless its host is configured otherwise."""
 UTF_8 = 65001
 _WORDS = re.compile(r'"[^"]*"|\S+')
 

@@ -48,13 +48,13 @@ class ProvenIndex:
 
     index: str
     threshold: Threshold
-    value: float | None  # None: it could not be told
+    value: float | None  # None: unknown
     lower: float | None
     upper: float | None
     met: bool  # it was shown to be; not so: missed, or without a verdict
     verdict: VerdictWord
     error: float | None = None  # that the verdict is wrong; the truth is outside the bounds with twice as much
-    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
+    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -252,7 +252,7 @@ class Comparison:
 
     changed: tuple[Changed, ...]  # it is stale, if there are any
     warns: tuple[Changed, ...]  # could matter: the build of the operating system, an interpreter
-    unverified: tuple[str, ...]  # files that are not here, so that it cannot be told
+    unverified: tuple[str, ...]  # files that are not here, so that it is unknown
 
 
 def compare_header(

@@ -17,7 +17,7 @@ FORMAT = "rarms-datalog/3"
 class Identity:
     """Everything that can change the PI, by name: `vision.run.timeout`, `file components/vision.py`.
 
-    Two logs with equal parts say the same thing; a part that differs tells what changed.
+    Two logs with equal parts say the same thing; a part that differs shows the change.
     """
 
     parts: Mapping[str, str]

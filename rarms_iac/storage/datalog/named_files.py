@@ -1,6 +1,6 @@
 """The files that belong to what is measured, below the manifest's folder, and their digests.
 
-A stranger may have written the manifest: nothing outside of its folder is opened, folders are walked once a pattern,
+The manifest may be untrusted: nothing outside of its folder is opened, folders are walked once a pattern,
 and names and bytes are bounded by counts, so that the same folder gives the same files on every machine. Digests of
 large files lie in the user's own cache, outside of every checkout: what came with a checkout could say anything.
 """
@@ -139,7 +139,7 @@ MOST_MEASURED_BYTES = 2 * 2**30
 MOST_PROGRAM_BYTES = 256 * 2**20
 """Bytes of one subject's programs outside of the folder that count by their content; one beyond counts by its size."""
 
-_LOOKED_AT = 8000  # bytes: git tells a text from other content by them
+_LOOKED_AT = 8000  # bytes: git recognises a text by them
 _CHUNK = 2**20
 _DIGITS = 16
 _WILD = re.compile(r"[*?\[]")

@@ -34,7 +34,7 @@ class Tick:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dot:
-    """A measured point with its interval, and what it tells."""
+    """A measured point with its interval and its text."""
 
     x: str
     y: str

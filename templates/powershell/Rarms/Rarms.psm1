@@ -1,5 +1,5 @@
 # The module Rarms: what every script of rarms calls. Definitions only, nothing runs while it is imported.
-# From the top: what a run does, what a step does, how readings are compared, how it is told; then each kind of thing.
+# From the top: what a run does, what a step does, how readings are compared, what is reported; then each kind of thing.
 
 [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
@@ -60,7 +60,7 @@ function Invoke-RarmsPlan {
         Write-Failure -Failure $_
     } finally {
         # What Ctrl-C ended stays as it was begun.
-        try { if ($script:Told.Status -cne 'begun') { Write-Verdict } } catch {
+        try { if ($script:Outcome.Status -cne 'begun') { Write-Verdict } } catch {
             Write-RunEvent -Kind 'run' -Status 'noted' -Detail ('the verdict is not written: ' + $_.Exception.Message)
         }
         Unlock-Host
@@ -193,7 +193,7 @@ function Initialize-Run {
     param([System.Collections.IDictionary] $Run = @{ Preview = $false; Test = $false; AsJson = $false; LockTimeout = 0 })
     $script:Code = 1                # how the script will end: 0, 1 or 3
     $script:Current = $script:Whole # the step that is read or done: what fails, fails there
-    $script:Told = @{ Status = 'begun'; Detail = '' } # by the last event about the whole run
+    $script:Outcome = @{ Status = 'begun'; Detail = '' } # by the last event about the whole run
     $script:Ending = $null          # of the event that ends the run, where the run itself ends it
     $script:Plan = @{ Plan = ''; Run = '' }  # the run's facts, which the plan gives
     $script:Steps = @()             # those of the plan
@@ -388,7 +388,7 @@ function Invoke-Step {
     if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
     $stop = $script:Run.ScriptPath + '.stop'
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop) {
-        # The maker of that file beside the script wants it to end before the next step, this once.
+        # This file next to the script asks for an end before the next step, once.
         Use-SharedFile -Writing -Path $stop -Do { [System.IO.File]::Delete($stop) }
         $script:Current = $script:Whole
         Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
@@ -541,7 +541,7 @@ function Test-Same {
 
 function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
-    if ($Kind -cne 'step') { $script:Told = @{ Status = $Status; Detail = $Detail } }
+    if ($Kind -cne 'step') { $script:Outcome = @{ Status = $Status; Detail = $Detail } }
     if ($script:Run.AsJson) {
         return ConvertTo-AsciiJson -Value ([ordered] @{
             format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
@@ -558,15 +558,15 @@ function Write-RunEvent {
 }
 
 function Write-Verdict {
-    # How this run stands: beside its script, as Ctrl-C gives the code 0, once it holds the computer; and in Windows'
+    # How this run stands: next to its script, as Ctrl-C gives the code 0, once it holds the computer; and in Windows'
     # event log, if that takes it.
     if ($script:Preview) { return }
     $text = ConvertTo-AsciiJson -Value ([ordered] @{
         format = 'rarms-result/1'; plan = $script:Plan.Plan; run = $script:Plan.Run; operator = $script:Operator
-        status = $script:Told.Status; exit_code = $script:Code; changed = $script:Changed; detail = $script:Told.Detail
+        status = $script:Outcome.Status; exit_code = $script:Code; changed = $script:Changed; detail = $script:Outcome.Detail
     })
     if ($null -ne $script:Handle -and $script:Result) { Write-ResultFile -Text $text }
-    $id = if ($script:Told.Status -ceq 'begun') { 1 } else { 2 + $script:Code }
+    $id = if ($script:Outcome.Status -ceq 'begun') { 1 } else { 2 + $script:Code }
     $type = if ($id -gt 2) { 'Warning' } else { 'Information' }
     try { [System.Diagnostics.EventLog]::WriteEntry('rarms', $text, $type, $id) }
     catch { Write-Verbose -Message $_.Exception.Message }
@@ -582,9 +582,9 @@ function Write-ResultFile {
         $why = $_.Exception.Message
         $path = Join-Path -Path $script:Folder -ChildPath ([System.IO.Path]::GetFileName($path))
         Write-SharedFile -Path $path -Text $Text
-        $told = $script:Told
+        $earlier = $script:Outcome
         Write-RunEvent -Kind 'run' -Status 'noted' -Detail ('the verdict is in {0}: {1}' -f $path, $why)
-        $script:Told = $told
+        $script:Outcome = $earlier
     }
     $script:Result = $path
 }
@@ -877,7 +877,7 @@ function Assert-VmHost {
         Exit-Run -Detail ('this is {0}, the plan is for {1}: run it there' -f $vmHost.Name, $plan.Computer)
     }
     if ($plan.Identity) {
-        # What tells this Windows from every other, as observe.ps1 works it out.
+        # The identity of this Windows, as observe.ps1 computes it.
         $id = '' + (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
         $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
         if ($id.Substring(0, 32) -cne $plan.Identity) {
@@ -897,7 +897,7 @@ function Assert-VmHost {
 }
 
 function Test-RootScheduler {
-    # Event 2 says 4 for root. Where it has left the log, a client Windows has root; of a server the plan told.
+    # Event 2 says 4 for root. If the log has lost it, a client Windows has root; for a server the plan knows.
     try {
         $asked = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         return [int] @(Get-WinEvent -FilterHashtable $asked -MaxEvents 1)[0].Properties[0].Value -eq 4
@@ -1247,7 +1247,7 @@ function Wait-Start {
 }
 
 function Stop-Partition {
-    # Asks a guest, forces it from half of the grace on, turns it off at its end. What refuses is told and waited out.
+    # Asks a guest, forces it from half of the grace on, turns it off at its end. A refusal is reported and waited out.
     param([long] $GraceMs)
     $vm = $script:Vm
     $begun = [DateTime]::UtcNow
@@ -1544,7 +1544,7 @@ function Receive-RarmsPlan {
         Takes scripts from standard input, checks their SHA-256, runs the first, and gives its exit code.
     .DESCRIPTION
         Input: 8 digits, the length of a table; the table, a line for the arguments and one `name length sha256` a file;
-        then their bytes. Text that ends with a dot, `3 run 45 55.`, is laid beside the script, which reads it; `o` says
+        then their bytes. Text that ends with a dot, `3 run 45 55.`, is put next to the script, which reads it; `o` says
         that nothing follows and it goes on; `s`, or the input's end, asks it to stop before its next step.
     #>
     [CmdletBinding(PositionalBinding = $false)] [OutputType([int])]
@@ -1553,7 +1553,7 @@ function Receive-RarmsPlan {
     $held = $null
     try {
         $ascii = [System.Text.Encoding]::ASCII
-        # It reads no further than it is told.
+        # It reads only the given length.
         $reader = [System.IO.BinaryReader]::new($Source)
         $size = [int] $ascii.GetString($reader.ReadBytes(8))
         $data = $reader.ReadBytes($size)
@@ -1610,7 +1610,7 @@ function Receive-RarmsPlan {
         [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
         90
     } finally {
-        # Last: a child that runs is told to stop by a file in it.
+        # Last: a file in it asks a running child to stop.
         if ($held) { $held.Dispose() }
         try { if ($folder) { Use-SharedFile -Writing -Path $folder -Do { [System.IO.Directory]::Delete($folder, $true) } } }
         catch { [Console]::Error.WriteLine('rarms could not remove ' + $folder) }

@@ -1,5 +1,5 @@
 # Measuring: test partitions that are there while this script runs, and what runs inside guests meanwhile.
-# Which setting is next is asked of the file beside this script that ends with .next: `3 run 45 55.` or `4 rest.`
+# Which setting is next is asked of the file next to this script that ends with .next: `3 run 45 55.` or `4 rest.`
 
 function Invoke-RarmsMeasuring {
     <#
@@ -51,7 +51,7 @@ function Complete-Measurement {
     Lock-Host
     $script:Held = $true
     Assert-VmHost
-    # What cannot be read is told before anything is made.
+    # An unreadable value is reported before anything is made.
     foreach ($work in $script:Works) { $script:Secrets[$work.Logon] = Get-GuestSecret -Name $work.Logon }
     Remove-TestPartition -Tell
     foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
@@ -136,11 +136,11 @@ function Use-Setting {
             Hyper-V\Set-VMProcessor -VM $vm -Reserve $wanted
         }
     }
-    foreach ($work in $script:Works) { if (-not $work.Told.Name) { Start-Work -Work $work -Words $words } }
+    foreach ($work in $script:Works) { if (-not $work.Request.Name) { Start-Work -Work $work -Words $words } }
     Wait-Load
     $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()
     $script:Due = [long] 0
-    foreach ($work in $script:Works) { if ($work.Told.Name) { Start-Work -Work $work -Words $words } }
+    foreach ($work in $script:Works) { if ($work.Request.Name) { Start-Work -Work $work -Words $words } }
     Write-Seen -Name '' -Seen 'begun'
 }
 
@@ -148,11 +148,11 @@ function Start-Work {
     param([System.Collections.IDictionary] $Work, [string[]] $Words)
     $session = $script:Sessions[[string] $Work.number]
     for ($at = 0; $at -lt $script:Tests.Count; $at++) {
-        if ($script:Tests[$at].Name -ceq $Work.Partition) { $Work.Told.reserve = [long] $Words[$at + 2] }
+        if ($script:Tests[$at].Name -ceq $Work.Partition) { $Work.Request.reserve = [long] $Words[$at + 2] }
     }
-    $told = ConvertTo-AsciiJson -Value $Work.Told
-    $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $told -AsJob
-    $script:Jobs += @{ Name = $Work.Told.Name; Job = $job }
+    $request = ConvertTo-AsciiJson -Value $Work.Request
+    $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $request -AsJob
+    $script:Jobs += @{ Name = $Work.Request.Name; Job = $job }
 }
 
 function Wait-Load {

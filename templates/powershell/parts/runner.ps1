@@ -9,7 +9,7 @@ function Add-GuestWork {
         [long] $TimeoutMs, [long] $Instances
     )
     $script:Works += @{
-        number = $script:Works.Count; Partition = $Partition; Logon = $Logon; Told = [ordered] @{
+        number = $script:Works.Count; Partition = $Partition; Logon = $Logon; Request = [ordered] @{
             Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; folder = $Folder
             environment = $Environment; files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs
             instances = $Instances; reserve = [long] 0
@@ -74,10 +74,10 @@ function Get-GuestRunner {
     # A block for Invoke-Command.
     {
         # Runs inside a guest. Times are of its own clock since it began, in 100 ns.
-        param([string] $Told)
+        param([string] $Request)
         Set-StrictMode -Version 3.0
         $ErrorActionPreference = 'Stop'
-        $work = ConvertFrom-Json -InputObject $Told
+        $work = ConvertFrom-Json -InputObject $Request
         $clock = [System.Diagnostics.Stopwatch]::StartNew()
         $running = @()
         try {

@@ -17,13 +17,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
+    Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -67,12 +67,12 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
+    'Rarms.psm1' = '530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $file = [System.IO.Path]::Combine($folder, $name)
-    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms next to this script' -f $file) }
     $data = [System.IO.File]::ReadAllBytes($file)
     $text = [System.Text.Encoding]::ASCII.GetString($data)
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)

@@ -17,13 +17,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
+    Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 495aa417d288f0077f631a000bb7a57ca4ad43a2b0f7d10879214fed69782e9f, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo a8d4dc5a9eac72f591667dbfda9293f42b52f3b18a813450df34e59222f49cb0, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '36a82622ddb2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '495aa417d288f0077f631a000bb7a57ca4ad43a2b0f7d10879214fed69782e9f'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'a8d4dc5a9eac72f591667dbfda9293f42b52f3b18a813450df34e59222f49cb0'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -67,12 +67,12 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
+    'Rarms.psm1' = '530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $file = [System.IO.Path]::Combine($folder, $name)
-    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms next to this script' -f $file) }
     $data = [System.IO.File]::ReadAllBytes($file)
     $text = [System.Text.Encoding]::ASCII.GetString($data)
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)

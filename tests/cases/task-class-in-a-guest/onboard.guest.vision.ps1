@@ -16,13 +16,13 @@
 .PARAMETER Force
     Asks nothing before it stops, removes or deletes.
 .PARAMETER Test
-    Gives an object for each step, with -AsJson one for all, which tells whether it is as wanted; changes nothing.
+    Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.guest.vision.ps1 -WhatIf
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo adcfb8ad4fc06cc0d5e3904e8069dc51c141887fd5318817785b3876023026ce, Rarms.psm1 D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 814c1a6d7377d83ec6cbefb24f9bc9c28997975b17a92e70ba9373149fdabf5e, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'b61fff91db43'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'adcfb8ad4fc06cc0d5e3904e8069dc51c141887fd5318817785b3876023026ce'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '814c1a6d7377d83ec6cbefb24f9bc9c28997975b17a92e70ba9373149fdabf5e'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)
@@ -65,12 +65,12 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'D70B5170EDED5795B85A827E80A6B363ED72FF72EE5865364764AA20B71E8072'
+    'Rarms.psm1' = '530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
     $file = [System.IO.Path]::Combine($folder, $name)
-    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms beside this script' -f $file) }
+    if (-not ([System.IO.File]::Exists($file))) { throw ('{0} is missing: copy the folder Rarms next to this script' -f $file) }
     $data = [System.IO.File]::ReadAllBytes($file)
     $text = [System.Text.Encoding]::ASCII.GetString($data)
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)

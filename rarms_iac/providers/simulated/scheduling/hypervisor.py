@@ -36,7 +36,7 @@ SLICE_MS = 10.0
 
 
 class HypervisorScheduler:
-    """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
+    """Places VPs on LPs; calls the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
     def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[TracePiece], None] | None) -> None:
         self.agenda = agenda

@@ -1,5 +1,5 @@
 # Copyright: the rarms authors. Apache-2.0 (see LICENSE).
-"""Measures components on one robot, and brings the data logs back beside the manifest."""
+"""Measures components on one robot, and brings the data logs back to the manifest's folder."""
 
 from __future__ import annotations
 

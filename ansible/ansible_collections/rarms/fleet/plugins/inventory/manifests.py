@@ -209,7 +209,7 @@ class InventoryModule(BaseInventoryPlugin, Constructable):
 
 
 def _connection(host: Host) -> dict[str, Any]:
-    """How Ansible reaches the host, by what the manifest says; a simulated one is a file beside the manifest."""
+    """How Ansible reaches the host, by what the manifest says; a simulated one is a file next to the manifest."""
     if host.connect is None or host.provider is ProviderKind.SIMULATED:
         return {"ansible_connection": "local"}
     connect = host.connect

@@ -156,7 +156,7 @@ class RobotAction(ActionBase):
     _supports_diff = True
     _requires_connection = True
     ARGUMENTS: Mapping[str, Any] = {}
-    """What the action takes beside `ROBOT_ARGUMENTS`, as Ansible describes arguments."""
+    """The arguments of the action besides `ROBOT_ARGUMENTS`, as Ansible describes arguments."""
     has_changed = False
     """Whether the robot was changed already, should the rest fail."""
 
