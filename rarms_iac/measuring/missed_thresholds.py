@@ -126,7 +126,7 @@ _TOO_NEAR = (
 
 
 def _more_samples(proofs: Sequence[LayoutProof], *, load_host: bool) -> Wording:
-    """Advise one proof for all that is not shown yet, with the samples of the index that needs most."""
+    """Advise one proof for all inconclusive thresholds, with the samples of the index that needs most."""
     many = max((verdict.samples_needed or 0 for proof in proofs for verdict in proof.not_met), default=0)
     takes = show_duration(many * sum(map(_sample_ms, proofs)))
     return prose(

@@ -121,12 +121,12 @@ class IndexVerdict:
 
     measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
-    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: unknown
+    samples_needed: int | None = None  # that would show it, where it is inconclusive; None: unknown
     condition: Condition | None = None  # on which it is met
 
     @property
     def met(self) -> bool:
-        """Whether it was shown to meet its threshold: not shown yet or without a steady state, it was not."""
+        """Whether it was shown to meet its threshold: inconclusive or without a steady state, it was not."""
         return isinstance(self.verdict, Met)
 
     @output

@@ -263,7 +263,7 @@ def continue_command(outcome: ProveOutcome, request: ProveRequest, hosts: Sequen
 def _unit_of(proof: LayoutProof, number: int, of: int) -> FinishedUnit:
     """Return the report of a layout's proof with one load."""
     words = [verdict_word(each.verdict) for each in proof.verdicts]
-    ending: UnitEnding = "missed" if "missed" in words else "met" if set(words) <= {"met"} else "not shown yet"
+    ending: UnitEnding = "missed" if "missed" in words else "met" if set(words) <= {"met"} else "inconclusive"
     return FinishedUnit(number=number, of=of, subject=proof.host, load=proof.interference or "no load", ending=ending)
 
 

@@ -62,7 +62,7 @@ def _ending(result: ExperimentResult) -> UnitEnding:
         case SettingFailed():
             return "too many failed samples"
         case _:
-            return "no answer" if result.is_provisional else "not shown yet"
+            return "no answer" if result.is_provisional else "inconclusive"
 
 
 def _values(result: ExperimentResult, reserve: int) -> tuple[UnitValue, ...]:

@@ -119,7 +119,7 @@ class LookedUp:
 
     reservation: LogicalProcessors
     processors: int | None = None  # virtual ones, with which they were measured together; None: not measured
-    provisional: bool = False  # by the estimates of the first pass, and not shown yet
+    provisional: bool = False  # by the estimates of the first pass, and inconclusive
     remarks: tuple[Diagnostic, ...] = ()  # that a log could not be verified, or is of a busy host; without a place
     # By member: processor time of a job, in ms, on each of the processors that it uses; absent: not measured.
     job_ms: Mapping[str, float] = field(default_factory=dict)

@@ -157,7 +157,7 @@ class TooManyFailures(_Judgement):
 Verdict = Met | Missed | WithinNoise | Unsteady | TooFewSamples | TooManyFailures
 """On the APT of one component at one setting."""
 
-VerdictWord = Literal["met", "missed", "not shown yet", "no steady state", "too few samples", "too many failed samples"]
+VerdictWord = Literal["met", "missed", "inconclusive", "no steady state", "too few samples", "too many failed samples"]
 
 
 def verdict_word(verdict: Verdict) -> VerdictWord:
@@ -168,7 +168,7 @@ def verdict_word(verdict: Verdict) -> VerdictWord:
         case Missed():
             return "missed"
         case WithinNoise():
-            return "not shown yet"
+            return "inconclusive"
         case Unsteady():
             return "no steady state"
         case TooFewSamples():
@@ -212,7 +212,7 @@ class NotAchievable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotResolved:
-    """It is not shown yet which CR is enough."""
+    """It is not known yet which CR is enough."""
 
     reason: str
     member: str = ""  # whose samples are meant: the one that has to be measured longest; empty: each
@@ -254,9 +254,9 @@ class Achievement(StrEnum):
     """The standing of a threshold, from good to bad; a component has that of its worst threshold."""
 
     MET = "met"
-    PROVISIONAL = "provisional"  # met by the estimates of the first pass, and not shown yet with every load
+    PROVISIONAL = "provisional"  # met by the estimates of the first pass, and inconclusive with every load
     UNMEASURED = "not measured"  # a load that the reservation must hold with has no data log that holds
-    OPEN = "not shown yet"
+    OPEN = "inconclusive"
     MISSED = "not achieved"
 
 

@@ -147,7 +147,7 @@ def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
             state = f"not achievable, not even with {_amount(result, reserve)}"
             return _Answer(result=result, at=reserve, state=state, details=(loads,))
         case NotResolved():
-            state = "not shown yet"
+            state = "inconclusive"
         case SettingFailed(reserve=reserve):
             state = f"too many failed samples with {_amount(result, reserve)}"
         case Swept():

@@ -47,7 +47,7 @@ def answer_text(answer: Answer) -> str:
     """Write whether a setting is enough for the components together; of one that is not, name it."""
     if answer.passed:
         return "met"
-    word, preposition = ("not shown", "for") if answer.unresolved else ("missed", "by")
+    word, preposition = ("inconclusive", "for") if answer.unresolved else ("missed", "by")
     return f"{word} {preposition} {answer.worse[0]}" if len(answer.worse) == 1 else word
 
 

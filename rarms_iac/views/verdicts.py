@@ -33,7 +33,7 @@ def describe_achievement(achievement: Achievement, not_measured: tuple[str, ...]
 
 
 def describe_verdicts(verdicts: Iterable[ComponentVerdict]) -> Iterator[str]:
-    """Name the components of each verdict, worst first: `Not shown yet: vision (p95_response_time) and speech`."""
+    """Name the components of each verdict, worst first: `Inconclusive: vision (p95_response_time) and speech`."""
     for words, names in _by_words(verdicts, with_indexes=True).items():
         yield f"{words[:1].upper()}{words[1:]}: {in_a_row(names)}"
 
@@ -51,7 +51,7 @@ _OF_INDEXES = frozenset({Achievement.OPEN, Achievement.MISSED})
 
 
 def describe_verdicts_of(verdicts: Iterable[ComponentVerdict], component: str) -> Iterator[str]:
-    """Describe the verdict on a component, one for each platform: `not shown yet: p95_response_time`."""
+    """Describe the verdict on a component, one for each platform: `inconclusive: p95_response_time`."""
     own = [verdict for verdict in verdicts if verdict.component == component]
     for verdict in own:
         suffix = f" on {verdict.platform}" if len(own) > 1 else ""
@@ -67,7 +67,7 @@ def advise_to_measure(verdicts: Iterable[ComponentVerdict]) -> Prose | None:
 
 
 def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
-    """Explain why a total is not known, worst first: `vision and speech are not shown yet; drive is not measured`."""
+    """Explain why a total is not known, worst first: `vision and speech are inconclusive; drive is not measured`."""
     return "; ".join(
         f"{list_names(names)} {'is' if len(names) == 1 else 'are'} {words}"
         for words, names in _by_words(verdicts, with_indexes=False).items()
@@ -185,13 +185,13 @@ def proof_time(proof: ComponentProof) -> str:
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
-    """Write as `met`, `missed` or `not shown yet`; an extreme is `met so far`: the next job may do worse."""
+    """Write as `met`, `missed` or `inconclusive`; an extreme is `met so far`: the next job may do worse."""
     if verdict in NOT_SHOWN:
-        return "not shown yet"
+        return "inconclusive"
     return "met so far" if index.is_extreme and verdict == "met" else verdict
 
 
-NOT_SHOWN: tuple[VerdictWord, ...] = ("not shown yet", "too few samples")
+NOT_SHOWN: tuple[VerdictWord, ...] = ("inconclusive", "too few samples")
 """Verdicts that more samples may change."""
 
 
@@ -204,7 +204,7 @@ def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
 
 def _sentence(proof: LayoutProof) -> str:
     counts = Counter(
-        "not shown yet" if (word := verdict_word(each.verdict)) in NOT_SHOWN else word for each in proof.not_met
+        "inconclusive" if (word := verdict_word(each.verdict)) in NOT_SHOWN else word for each in proof.not_met
     )
     shortfalls = [
         f"{count} {'without a steady state' if word == 'no steady state' else word}"

@@ -32,16 +32,16 @@ export const leastReserve = (plots) => {
 export const achievementOf = (plot) => {
   if (leastReserve([plot]) !== null) return "met";
   const isMissed = plot.best === "none" || (plot.best !== undefined && !meets(plot, plot.best, Number(plot.text)));
-  return isMissed ? "not achieved" : "not shown yet";
+  return isMissed ? "not achieved" : "inconclusive";
 };
 
 // The verdict on a card's lines: rarms' own where none was moved, else what this card's load alone says.
 export const verdictOf = (card) => {
   if (card.achievement && !card.plots.some((plot) => plot.moved)) return card.achievement;
   const achievements = wanted(card).map(achievementOf);
-  const found = ["not achieved", "not shown yet"].find((achievement) => achievements.includes(achievement));
+  const found = ["not achieved", "inconclusive"].find((achievement) => achievements.includes(achievement));
   if (found) return found;
-  if (leastReserve(wanted(card)) === null) return "not shown yet";
+  if (leastReserve(wanted(card)) === null) return "inconclusive";
   return card.notMeasured ? "not measured" : "met";
 };
 
@@ -73,7 +73,7 @@ export const whyNotKnown = (capacity, cards) => {
   const open = counted(capacity, cards).filter((card) => card.reserve === null).map((card) => [card.name, wordsOf(card)]);
   const named = new Map();
   for (const [name, words] of [...open, ...capacity.unknown]) named.set(words, [...(named.get(words) ?? []), name]);
-  const order = ["not achieved", "not shown yet", "not measured"];
+  const order = ["not achieved", "inconclusive", "not measured"];
   const rank = ([words]) => order.findIndex((each) => words.startsWith(each));
   return [...named].sort((one, other) => rank(one) - rank(other)).map(([words, found]) => `${listNames(found)} ${found.length > 1 ? "are" : "is"} ${words}`).join("; ");
 };

@@ -89,7 +89,7 @@ class SearchTrial:
 
     @property
     def passed(self) -> bool:
-        """Whether every member was shown to meet its APT; if that is not shown yet, no."""
+        """Whether every member was shown to meet its APT; if that is inconclusive, no."""
         return not self.not_shown
 
     @property

@@ -54,7 +54,7 @@ class ProvenIndex:
     met: bool  # it was shown to be; not so: missed, or without a verdict
     verdict: VerdictWord
     error: float | None = None  # that the verdict is wrong; the truth is outside the bounds with twice as much
-    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: unknown
+    samples_needed: int | None = None  # that would show it, where it is inconclusive; None: unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -496,12 +496,12 @@ def test_no_view_has_reservation_while_threshold_is_open() -> None:
     assert rows == [
         ("steady", "1.2 LP", "60 % of its 2 VPs", "met"),
         ("late", "not known", "", "met"),
-        ("late", "not known", "", "not shown yet"),
+        ("late", "not known", "", "inconclusive"),
     ]
     [fit] = report.capacities
     assert (fit.headroom_lp, fit.fits) == (None, None)
     assert fit_text(fit) == (
-        "At least 1.2 LP of 2 LP reserved (60 % of onboard). Headroom of onboard: not known: late is not shown yet."
+        "At least 1.2 LP of 2 LP reserved (60 % of onboard). Headroom of onboard: not known: late is inconclusive."
     )
     [total] = totals_table(report).rows
     assert total[3:] == ("at least", Fraction(12, 10), "late", None, "not known"), "the sheet"

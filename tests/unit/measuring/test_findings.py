@@ -147,7 +147,7 @@ def test_possibly_smaller_answer_is_told(
 def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str) -> None:
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
 
-    [found] = findings_of(EXPERIMENT, NotResolved(reason="not shown yet", samples=samples), settings, first_line(""))
+    [found] = findings_of(EXPERIMENT, NotResolved(reason="inconclusive", samples=samples), settings, first_line(""))
 
     assert found.code == "RARMS111"
     assert str(found.advice).startswith(advice)
@@ -158,7 +158,7 @@ def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str)
 def test_samples_and_time_are_of_the_slowest_member() -> None:
     """Planner has a tenth of vision's jobs; four times its samples are four times the time."""
     series = (a_series("planner", [81.4, 86.4] * 5), a_series("vision", [81.4, 86.4] * 50))
-    end = NotResolved(reason="not shown yet", member="planner", samples=40)
+    end = NotResolved(reason="inconclusive", member="planner", samples=40)
 
     [found] = findings_of(EXPERIMENT, end, (a_setting(100, *series),), first_line(""))
 
@@ -169,7 +169,7 @@ def test_samples_and_time_are_of_the_slowest_member() -> None:
 @pytest.mark.parametrize(("samples", "asked"), [(7000, 7000), (None, 1000)])
 def test_ended_at_until_asks_for_samples(samples: int | None, asked: int) -> None:
     settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
-    end = NotResolved(reason="not shown yet", samples=samples, ends_at_until=True)
+    end = NotResolved(reason="inconclusive", samples=samples, ends_at_until=True)
 
     [found] = findings_of(EXPERIMENT, end, settings, first_line(""))
 

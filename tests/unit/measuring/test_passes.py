@@ -199,7 +199,7 @@ def test_provisional_plan_stays_without_an_answer(here: Path) -> None:
 
     assert planned.provisional == ("planner", "vision")
     assert "First pass: vision 0.51 LP" in ran.err
-    assert "vision: not shown yet; a plan reserves 0.51 LP, provisional." in ran.out
+    assert "vision: inconclusive; a plan reserves 0.51 LP, provisional." in ran.out
     assert "All reservations are provisional" in ran.out
 
 

@@ -129,11 +129,11 @@ def test_value_near_threshold_says_needed_samples(here: Path, long_mean: float) 
 
     assert (code, found) == (4, ["RARMS111"])
     mean = indexes["vision mean_response_time"]
-    assert (mean["verdict"], mean["verdict_error"]) == ("not shown yet", None)
+    assert (mean["verdict"], mean["verdict_error"]) == ("inconclusive", None)
     assert isinstance(mean["samples_needed"], int)
     assert mean["samples_needed"] > 200
-    assert f"not shown yet: about {mean['samples_needed']} samples needed" in " ".join(text.split())
-    assert "1 not shown yet" in text
+    assert f"inconclusive: about {mean['samples_needed']} samples needed" in " ".join(text.split())
+    assert "1 inconclusive" in text
     assert f"Take about {mean['samples_needed']} samples of each component, in about " in said
     assert f"rarms prove --samples {mean['samples_needed']} --load-host" in said
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
@@ -162,7 +162,7 @@ def test_proof_keeps_its_budget_unless_asked(here: Path) -> None:
     _, asked, _found = proven("--samples", "40")
 
     tail = indexes["vision p90_response_time"]
-    assert (code, tail["verdict"], tail["samples_needed"]) == (4, "not shown yet", 80)
+    assert (code, tail["verdict"], tail["samples_needed"]) == (4, "inconclusive", 80)
     assert int(str(tail["samples"])) < 40
     assert int(str(asked["vision p90_response_time"]["samples"])) >= 40
 

@@ -209,7 +209,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
         ({50: 300, 80: 150}, "the highest is 80 %", True),
         (
             {50: 300, 100: 100},
-            "at 100 % of its VPs the samples do not show yet whether mean_response_time of vision",
+            "at 100 % of its VPs the samples do not show whether mean_response_time of vision",
             True,
         ),
         ({}, "does not have a setting with 2 virtual processors yet", True),

@@ -30,9 +30,9 @@ def test_line_of_a_unit() -> None:
 
 
 def test_unit_without_answer_has_neither_value_nor_amount() -> None:
-    unit = FinishedUnit(number=1, of=2, subject="vision", load="busy-loop", ending="not shown yet")
+    unit = FinishedUnit(number=1, of=2, subject="vision", load="busy-loop", ending="inconclusive")
 
-    assert unit_line(unit) == "[1/2] vision  busy-loop  not shown yet"
+    assert unit_line(unit) == "[1/2] vision  busy-loop  inconclusive"
 
 
 def test_every_unit_is_said_at_once() -> None:
