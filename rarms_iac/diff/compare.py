@@ -56,7 +56,12 @@ FOREIGN_MARK = Finding.warning("RARMS151", "A mark of rarms is not valid")
 NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state in which it cannot be changed")
 
 
-_WORDS = {**LABELS, "quota_period_us": "period of the limit", "running": "whether it runs"}
+_WORDS = {
+    **LABELS,
+    "quota_period_us": "period of the limit",
+    "threads": "priorities of threads",
+    "running": "whether it runs",
+}
 
 
 def partition_changes(

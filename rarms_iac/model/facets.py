@@ -56,7 +56,7 @@ FACETS: Mapping[Facet, FacetRow] = {
         in_group=True,
     ),
     Facet.CPU: FacetRow(
-        settings=("reserve", "limit", "weight", "quota_period_us"),
+        settings=("reserve", "limit", "weight", "quota_period_us", "threads"),
         cmdlet="Set-VMProcessor",
         parameters={"reserve": "Reserve", "limit": "Maximum", "weight": "RelativeWeight"},
         capacity="reserve",
@@ -101,6 +101,7 @@ LABELS = {
     "limit": "limit",
     "weight": "weight",
     "quota_period_us": "period",
+    "threads": "threads",
     "memory": "memory",
     "dynamic_memory": "dynamic memory",
     "generation": "generation",
@@ -112,9 +113,10 @@ LABELS = {
 }
 """What each field of `PartitionSettings` is called, in the order in which a plan lists them."""
 
-_OF_MACHINES = tuple(name for name in LABELS if name != "quota_period_us")
+_OF_GROUPS_ALONE = ("quota_period_us", "threads")
+_OF_MACHINES = tuple(name for name in LABELS if name not in _OF_GROUPS_ALONE)
 _OF_GENERATION_1 = tuple(name for name in _OF_MACHINES if name != "secure_boot")
-_OF_GROUPS = ("name", "processors", "reserve", "limit", "quota_period_us", "memory", "start_action", "running")
+_OF_GROUPS = ("name", "processors", "reserve", "limit", *_OF_GROUPS_ALONE, "memory", "start_action", "running")
 
 NO_LIMIT = 100
 

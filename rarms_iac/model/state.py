@@ -117,6 +117,7 @@ class PartitionSettings:
     running: bool
     secure_boot: str = ""  # its template, or `SECURE_BOOT_OFF`; empty: generation 1, unknown, or as the host makes it
     quota_period_us: int = 0  # on Linux, how often its limit is counted again; 0: nothing limits it
+    threads: str = ""  # on Linux, priorities by the names of threads, as `rules_text` writes them
 
 
 SECURE_BOOT_OFF = "off"

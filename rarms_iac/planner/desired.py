@@ -11,6 +11,7 @@ from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import (
     ID_DIGITS,
+    NO_GENERATION,
     Mark,
     Partition,
     PartitionSettings,
@@ -26,7 +27,8 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.model.system import Application, Disruption, System, Unused
 from rarms_iac.planner.groups import unnamed_partitions
-from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values, thread_rules
+from rarms_iac.running.thread_priorities import rules_text
 from rarms_iac.storage.marks import set_of_settings, set_of_values
 
 
@@ -74,7 +76,7 @@ def desired_state(system: System, layout: Layout, seen: SeenHost, places: Places
     unnamed = unnamed_partitions({partition.name for partition in layout.partitions}, system.moved, there.values())
     may_remove = system.policy.unused is Unused.REMOVE and limit is Disruption.REMOVAL
     unused = [there[name] for name in sorted(unnamed) if not (may_remove or observed.holds_nothing(there[name].id))]
-    wanted = [_wanted(partition, there.get(current.get(partition.name, "")), system) for partition in here]
+    wanted = [_wanted(partition, there.get(current.get(partition.name, "")), system, places) for partition in here]
     found, values, problems = _tasks(system, layout, observed, current, places)
     tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
@@ -117,7 +119,7 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
     return {new: old for old, new in renaming(there, here, moved).new.items() if new in here}
 
 
-def _wanted(partition: PlacedPartition, there: Partition | None, system: System) -> Partition:
+def _wanted(partition: PlacedPartition, there: Partition | None, system: System, places: Places) -> Partition:
     stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NO_USER
     runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
     stays = _machine_that_stays(partition.settings, there)
@@ -125,6 +127,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, system: System)
         partition.settings,
         running=partition.settings.running or runs_or_is_wanted_again,
         secure_boot=partition.settings.secure_boot if stays is None or stays.settings.secure_boot else "",
+        threads=_threads(partition, system, places),
     )
     request, application = system.partitions.get(partition.name), system.application.name
     mark = Mark(
@@ -138,6 +141,15 @@ def _wanted(partition: PlacedPartition, there: Partition | None, system: System)
     wanted = _marked(settings, mark, there, partition.sharing)
     stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
     return _stopped(wanted) if stays_stopped else wanted
+
+
+def _threads(partition: PlacedPartition, system: System, places: Places) -> str:
+    """Return the priorities of threads in a control group; MMCSS of Windows has none by name."""
+    members = [system.components[name] for name in partition.components]
+    if partition.settings.generation != NO_GENERATION or not any(member.threads for member in members):
+        return ""
+    classes = classes_of(members, system.tasks, partition.name, places).classes
+    return rules_text(rule for member in members for rule in thread_rules(member, classes))
 
 
 def _stopped(wanted: Partition) -> Partition:

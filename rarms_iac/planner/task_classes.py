@@ -14,6 +14,7 @@ from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, criticality_of, masks_of
+from rarms_iac.running.thread_priorities import ThreadRule
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""
@@ -226,6 +227,20 @@ def _pair_facts(upper: ClassValues, lower: ClassValues, inside: str) -> dict[str
 
 def _address(inside: str, name: str) -> str:
     return f"partition/{inside}/task/{name}" if inside else f"task/{name}"
+
+
+def thread_rules(component: Component, classes: Iterable[ClassValues]) -> tuple[ThreadRule, ...]:
+    """Return the priority of each name of a thread in the component's `task`.
+
+    Args:
+        classes: of the component's partition.
+    """
+    return tuple(
+        ThreadRule(pattern=pattern, priority=values.thread_priority, affinity=values.affinity)
+        for values in classes
+        if component.task_class is not None and values.name.lower() == component.task_class.lower()
+        for pattern in component.threads
+    )
 
 
 def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:

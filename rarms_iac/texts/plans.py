@@ -75,7 +75,7 @@ def change_text(names: Iterable[str], old: PartitionSettings | None, to: Partiti
         Only what differs.
     """
     if old is None:
-        return ", ".join(_new_text(name, to) for name in names)
+        return ", ".join(_new_text(name, to) for name in names if setting_text(name, to))
     return ", ".join(_change_text(name, old, to) for name in names if getattr(old, name) != getattr(to, name))
 
 
@@ -90,7 +90,7 @@ def _change_text(name: str, old: PartitionSettings, to: PartitionSettings) -> st
         return _reserve_change(old, to)
     if name == "limit":
         return f"limit {old.limit} -> {to.limit} % of {_each(to)}"
-    return f"{LABELS[name]} {setting_text(name, old)} -> {setting_text(name, to)}"
+    return f"{LABELS[name]} {setting_text(name, old) or 'none'} -> {setting_text(name, to) or 'none'}"
 
 
 def _reserve_change(old: PartitionSettings, to: PartitionSettings) -> str:

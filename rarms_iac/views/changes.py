@@ -142,6 +142,8 @@ def _note(field: str, settings: PartitionSettings, facts: HostFacts) -> str:
     """Return the shares of the partition's processors and of the host that a reserve or limit is."""
     if field == "quota_period_us":
         return "the period of the limit"
+    if field == "threads":
+        return "their priority, of SCHED_FIFO"
     if field == "reserve" or (field == "limit" and settings.limit < NO_LIMIT):
         percent = getattr(settings, field)
         amount = guaranteed(percent, settings.processors)

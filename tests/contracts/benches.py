@@ -146,6 +146,7 @@ def forget_host(folder: Path) -> None:
     """Remove the control groups and the state of the host of this folder."""
     forget_groups(folder)
     shutil.rmtree(STATE_FOLDER / slice_of(folder), ignore_errors=True)
+    (STATE_FOLDER / f"{slice_of(folder)}.threads").unlink(missing_ok=True)
 
 
 def _remove_slice(name: str) -> None:

@@ -10,7 +10,14 @@ import pytest
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.host import LinuxHost, ProviderKind
-from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPartition, WriteMark, set_to
+from rarms_iac.model.operations import (
+    CreatePartition,
+    RenamePartition,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+    set_to,
+)
 from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -274,3 +281,25 @@ def test_host_files_ignore_the_umask(tmp_path: Path) -> None:
     made = [path for path in (tmp_path / "state").rglob("*") if not path.is_symlink()]
     assert made
     assert [path.name for path in made if path.stat().st_mode & 0o022] == []
+
+
+def test_rules_of_threads_are_there_while_group_runs(host: LinuxHostProvider, tmp_path: Path) -> None:
+    assert [*tmp_path.glob("*.threads")] == []
+    host.execute(set_to("vision", threads="controller* at 21"), SCOPE)
+    (file,) = tmp_path.glob("*.threads")
+    (group,) = json.loads(file.read_bytes())
+    assert json.loads(file.read_bytes()) == {group: "controller* at 21"}
+    assert (Path(group) / "cgroup.procs").is_file()
+    budget = groups_of(tmp_path)._slices["cpu"] / "vision" / "cpu.rt_runtime_us"
+    if budget.exists():
+        assert budget.read_text(encoding="ascii") == "40000\n"
+
+    file.unlink()  # a kill came before it was written
+    with host.lock("the next run"):
+        assert file.exists()
+    host.execute(StopPartition(partition="vision", grace_ms=0), SCOPE)
+    assert not file.exists()
+    host.execute(StartPartition(partition="vision"), SCOPE)
+    assert file.exists()
+    host.execute(set_to("vision", threads=""), SCOPE)
+    assert not file.exists()

@@ -34,6 +34,7 @@ from rarms_iac.providers.machines import (
     with_marks,
 )
 from rarms_iac.running.kernel_files import MOST_PROCESSORS
+from rarms_iac.running.thread_priorities import rules_of
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json
 
@@ -59,6 +60,10 @@ def out_of_range(settings: PartitionSettings) -> str:
         return f"memory is at least 0 B and less than 8 EiB, not {settings.memory} B"
     if not _SHORTEST_PERIOD_US <= (settings.quota_period_us or _SHORTEST_PERIOD_US) <= _LONGEST_PERIOD_US:
         return f"a quota has a period of 1 ms to 1 s, not {settings.quota_period_us} us"
+    try:
+        rules_of(settings.threads)
+    except ValueError:
+        return f"{settings.threads} does not have the priorities of threads"
     return "control groups do not have dynamic memory" if settings.dynamic_memory else ""
 
 

@@ -24,7 +24,7 @@ from rarms_iac.model.setting import ALL_PARTITIONS, LOAD_PARTITIONS, P1, Platfor
 from rarms_iac.model.speed import MachineSpeed
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.planner.task_classes import ClassValues
+from rarms_iac.planner.task_classes import ClassValues, thread_rules
 from rarms_iac.providers.cgroups.attach_target import AttachTarget, find_target
 from rarms_iac.providers.cgroups.groups import SLICE_PERIOD_US, GroupTree
 from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at, read_boot
@@ -38,7 +38,6 @@ from rarms_iac.running.kernel_files import UnreadableFile, in_ms, kernel_text, w
 from rarms_iac.running.loads import InterferingLoad, check_load
 from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
 from rarms_iac.running.start import order_of
-from rarms_iac.running.thread_priorities import ThreadRule
 from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.texts.messages import reason_of
 
@@ -351,20 +350,6 @@ def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[s
             words = ("chrt", "--fifo", str(values.thread_priority))
             return ("taskset", f"{values.affinity:x}", *words) if values.affinity else words
     return ()
-
-
-def thread_rules(component: Component, classes: Iterable[ClassValues]) -> tuple[ThreadRule, ...]:
-    """Return the priority of each name of a thread in the component's `task`.
-
-    Args:
-        classes: as the planner decided them for the partition.
-    """
-    return tuple(
-        ThreadRule(pattern=pattern, priority=values.thread_priority, affinity=values.affinity)
-        for values in classes
-        if component.task_class is not None and values.name.lower() == component.task_class.lower()
-        for pattern in component.threads
-    )
 
 
 def class_environment(part: PartitionWork) -> dict[str, str]:

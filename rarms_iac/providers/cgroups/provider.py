@@ -1,5 +1,6 @@
 """The Linux host provider: control groups in the kernel; definitions, lock and journal in a folder of root."""
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -49,7 +50,7 @@ from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import orphans, read_boot, read_facts
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost
+from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost, report_failure
 from rarms_iac.providers.machines import changed, lack_of_memory
 from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.texts.messages import reason_of
@@ -62,7 +63,8 @@ ASK_DOCTOR = prose("Check the kernel: ", DOCTOR, ".")
 class LinuxHostProvider(JournaledHost):
     """A `StepwiseHost` whose partitions are control groups of this machine.
 
-    What it keeps lies in `<state folder>/<slice>/`: `<id>.json` a partition, `journal.jsonl` and `lock`.
+    What it keeps lies in `<state folder>/<slice>/`: `<id>.json` a partition, `journal.jsonl` and `lock`. Names and
+    priorities of threads are in `<state folder>/<slice>.threads`.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class LinuxHostProvider(JournaledHost):
         """
         self._linux = host.linux
         self._folder = state_folder / host.linux.slice
+        self._threads = state_folder / f"{host.linux.slice}.threads"
         self._effects = LinuxEffects()
         self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
         self._attached = AttachedState(host.name, self._folder, self._effects)
@@ -290,12 +293,14 @@ class LinuxHostProvider(JournaledHost):
         self._definitions.save(replace(before, changing=True))
         try:
             self._make_group(before.group)  # a group made by hand may lack a controller
-            self.tree.write(before.group, self._values(after.settings))
+            self._write(before.group, after.settings)
             self._definitions.save(after)
         except OSError as problem:
             self._restore(replace(before, changing=True))
             message = f"{after.settings.name}: the kernel refuses: {reason_of(problem)}"
             raise HostRefused(self.name, message, ASK_DOCTOR) from None
+        if before.settings.threads != after.settings.threads:
+            self._save_threads()
 
     def _start(self, definition: GroupDefinition, state: State) -> None:
         if self._runs(definition):
@@ -307,10 +312,12 @@ class LinuxHostProvider(JournaledHost):
         begun = replace(definition, group=group, boot="")
         self._definitions.save(begun)
         self._make_group(group)
-        self.tree.write(group, self._values(settings))
+        self._write(group, settings)
         started = replace(begun, boot=self.boot)
         self._start_with_machine(started)
         self._definitions.save(started)
+        if settings.threads:
+            self._save_threads()
 
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
         if not self._runs(definition):
@@ -320,6 +327,8 @@ class LinuxHostProvider(JournaledHost):
         self._definitions.save(replace(definition, boot=""))
         self.tree.remove(definition.group)
         self._definitions.save(replace(definition, group="", boot=""))
+        if definition.settings.threads:
+            self._save_threads()
 
     def _recover(self) -> None:
         """Undo what a killed run left half done; the definitions have what was there before."""
@@ -334,11 +343,26 @@ class LinuxHostProvider(JournaledHost):
                     self._definitions.save(replace(definition, group=""))
                 elif definition.changing:
                     self._restore(definition)
+        self._save_threads()
+
+    def _save_threads(self) -> None:
+        """Write which threads get priorities in which control groups, for `running/thread_watcher.py`."""
+        rules = {
+            str(self.tree.place(definition.group).groups[0]): definition.settings.threads
+            for definition in self._definitions.all()
+            if definition.settings.threads and self._runs(definition)
+        }
+        content = json.dumps(rules, indent=1, sort_keys=True).encode("ascii")
+        with report_failure(self.name, self._threads):
+            if not rules and self._effects.has_file(self._threads):
+                self._effects.delete(self._threads)
+            elif rules and self._effects.content(self._threads) != content:
+                self._effects.replace(self._threads, content)
 
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
-                self.tree.write(definition.group, self._values(definition.settings))
+                self._write(definition.group, definition.settings)
         self._definitions.save(replace(definition, changing=False))
 
     def restore_attached(self) -> None:
@@ -371,6 +395,12 @@ class LinuxHostProvider(JournaledHost):
     def _make_group(self, name: str) -> None:
         self.tree.make(name)
         self.tree.limit_slice(slice_limit(self._host, self._processors))
+
+    def _write(self, group: str, settings: PartitionSettings) -> None:
+        """Give a group the values of its settings, and a budget where its threads get priorities. Raises OSError."""
+        self.tree.write(group, self._values(settings))
+        if settings.threads:
+            self.tree.allow_real_time(group, settings.reserve)
 
     def _values(self, settings: PartitionSettings) -> GroupValues:
         return values_of(settings, self._processors, slice_limit(self._host, self._processors))

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e5fc80624719 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 634e9a6a22fc of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  mark it as robot/vision, set 0a9aee4ba82c
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo f995627cc4d4c7393cda7044e1a0841b7d5da81a4f23ca822632e2b11ad7f838, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 637740d0c075259ae08a1510674890c77a91b9dd7e75193d4d0aa2f5134ac0ca, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'import'; Plan = 'e5fc80624719'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'f995627cc4d4c7393cda7044e1a0841b7d5da81a4f23ca822632e2b11ad7f838'
+        Run = 'apply'; Purpose = 'import'; Plan = '634e9a6a22fc'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '637740d0c075259ae08a1510674890c77a91b9dd7e75193d4d0aa2f5134ac0ca'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

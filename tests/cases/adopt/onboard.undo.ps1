@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e5fc80624719 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 634e9a6a22fc of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     vision  erase the mark
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'import'; Plan = 'e5fc80624719'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'import'; Plan = '634e9a6a22fc'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 95c46acde219 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 1299fe0292f8 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        the running step                                                           off
@@ -26,7 +26,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo c538f159172f3da099ec32d466587408475eb9bac90cda226fd75258e57b810c, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo d46239adda98fc95d026dca1b5503af27557547e428ac0fd25110cb638336654, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'destroy'; Plan = '95c46acde219'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c538f159172f3da099ec32d466587408475eb9bac90cda226fd75258e57b810c'
+        Run = 'apply'; Purpose = 'destroy'; Plan = '1299fe0292f8'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd46239adda98fc95d026dca1b5503af27557547e428ac0fd25110cb638336654'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 30bad01d3334 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 6ee6c00d449b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory  disk  switch                                       secure boot  start
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo a7b1f9f58eba8595959198c66d4c267fd33a4959ef136899939883306903752b, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 82524f76494f871edfbb5f742bb73334007fab353981f008852e82bf05434257, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '30bad01d3334'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a7b1f9f58eba8595959198c66d4c267fd33a4959ef136899939883306903752b'
+        Run = 'apply'; Purpose = 'apply'; Plan = '6ee6c00d449b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '82524f76494f871edfbb5f742bb73334007fab353981f008852e82bf05434257'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -48,14 +48,14 @@ $plan = {
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-30bad01d3334' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
+        Hyper-V\New-VM -Name 'vision.rarms-6ee6c00d449b' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
     }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824; name = 'vision'
         processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Move-NewPartition -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-30bad01d3334') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+        Move-NewPartition -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 30bad01d3334 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 6ee6c00d449b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
     name    the running step  off
@@ -38,7 +38,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '30bad01d3334'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '6ee6c00d449b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -50,9 +50,9 @@ $plan = {
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-30bad01d3334') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
     Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-30bad01d3334') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
     }
 }
 #region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e49473124bbd of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 61993df57592 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 512 MiB -> 1 GiB
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 4ac2cf4ed010bf10eb87ca241020fbbb4e7d83b15a95c653cfe1f409ac68088e, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo 2f91b6286ee18b4fd5f616478dba3f42d1dc81f3ebd3434090d181e295595781, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'e49473124bbd'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '4ac2cf4ed010bf10eb87ca241020fbbb4e7d83b15a95c653cfe1f409ac68088e'
+        Run = 'apply'; Purpose = 'apply'; Plan = '61993df57592'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '2f91b6286ee18b4fd5f616478dba3f42d1dc81f3ebd3434090d181e295595781'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e49473124bbd of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 61993df57592 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     speech  memory 1 GiB -> 512 MiB
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'e49473124bbd'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '61993df57592'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 36a82622ddb2 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 7e1924f20a22 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    the running step                                                                                                    off
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo a8d4dc5a9eac72f591667dbfda9293f42b52f3b18a813450df34e59222f49cb0, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo cedd1e4393ecd5bec14ddd5ead23bab0923b2745a0124385bc23be256297644b, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '36a82622ddb2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'a8d4dc5a9eac72f591667dbfda9293f42b52f3b18a813450df34e59222f49cb0'
+        Run = 'apply'; Purpose = 'apply'; Plan = '7e1924f20a22'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cedd1e4393ecd5bec14ddd5ead23bab0923b2745a0124385bc23be256297644b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 36a82622ddb2 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 7e1924f20a22 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    the running step                                                                                                    off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '36a82622ddb2'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '7e1924f20a22'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan de5d030646f0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan a61e4d91d948 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name speech -> voice
@@ -21,7 +21,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 45bd3f61bbe735ced4b23d714fa68877e4d479d36319db198256439a931aa7d0, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 7a6b86891386b02def162a5eddd2a28c96da76b5a85a3d2ff0aff8465b02bf29, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'de5d030646f0'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '45bd3f61bbe735ced4b23d714fa68877e4d479d36319db198256439a931aa7d0'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'a61e4d91d948'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '7a6b86891386b02def162a5eddd2a28c96da76b5a85a3d2ff0aff8465b02bf29'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan de5d030646f0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan a61e4d91d948 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name voice -> speech
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'de5d030646f0'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = 'a61e4d91d948'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

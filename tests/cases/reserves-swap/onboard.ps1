@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c76b7f470997 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 66ade8673199 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     name    the running step
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 8e2f9d986fe075ce3f30969ff8e422585816009929cb65a53f6b70b587e74f2f, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 478be9cd7e2f92d7ec4d87ceb9a5234a59868f7ec8e88d850a13ffef6ef036bd, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'c76b7f470997'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '8e2f9d986fe075ce3f30969ff8e422585816009929cb65a53f6b70b587e74f2f'
+        Run = 'apply'; Purpose = 'apply'; Plan = '66ade8673199'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '478be9cd7e2f92d7ec4d87ceb9a5234a59868f7ec8e88d850a13ffef6ef036bd'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

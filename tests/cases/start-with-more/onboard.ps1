@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4e77c8f3ca66 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 00ff16152bda of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory   disk  switch  secure boot  start
@@ -23,7 +23,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo 2ace7b59bfe23def183b62ecc0dd9e32aeb0d852621e90a8d91f81072cbe262c, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo d6960828a6e12b70592c9fd6c5827d8784b21d73ac48079aad549688c69572d1, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '4e77c8f3ca66'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '2ace7b59bfe23def183b62ecc0dd9e32aeb0d852621e90a8d91f81072cbe262c'
+        Run = 'apply'; Purpose = 'apply'; Plan = '00ff16152bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd6960828a6e12b70592c9fd6c5827d8784b21d73ac48079aad549688c69572d1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -48,7 +48,7 @@ $plan = {
     Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 268435456
-    } -Set { Hyper-V\New-VM -Name 'door.rarms-4e77c8f3ca66' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'door.rarms-00ff16152bda' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
         processors = 1; reserve = 100; set = '5805e8f8f9bc'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
@@ -65,7 +65,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-4e77c8f3ca66' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-00ff16152bda' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 80; set = '6e07bbd865ca'; start_action = 'start'; state = 'off'

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 4e77c8f3ca66 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 00ff16152bda of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
     name    the running step  off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '4e77c8f3ca66'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '00ff16152bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

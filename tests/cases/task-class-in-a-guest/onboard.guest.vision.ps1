@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b61fff91db43 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 73fb53a99eaf of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  write the class MotionControl, and save its earlier values
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 814c1a6d7377d83ec6cbefb24f9bc9c28997975b17a92e70ba9373149fdabf5e, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 711c25e5ebf5cb641ed67325719c6ea720c05d770f7f831faa706ca2aa4da376, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'b61fff91db43'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '814c1a6d7377d83ec6cbefb24f9bc9c28997975b17a92e70ba9373149fdabf5e'
+        Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '711c25e5ebf5cb641ed67325719c6ea720c05d770f7f831faa706ca2aa4da376'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b61fff91db43 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 73fb53a99eaf of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory  disk  switch  secure boot  start
@@ -22,7 +22,7 @@
     Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 5859b83c705a8b43f6c79ad2da4298b1112a79c9eff6f9a856dfc784699d57c8, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo e65f2dfb109827519d6d05a4cf3a53d72eca8bf7144b5980a239822347ff399a, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = 'b61fff91db43'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5859b83c705a8b43f6c79ad2da4298b1112a79c9eff6f9a856dfc784699d57c8'
+        Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e65f2dfb109827519d6d05a4cf3a53d72eca8bf7144b5980a239822347ff399a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'vision.rarms-b61fff91db43' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-73fb53a99eaf' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'

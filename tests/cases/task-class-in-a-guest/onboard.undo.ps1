@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan b61fff91db43 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 73fb53a99eaf of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
     name    the running step  off
@@ -38,7 +38,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'b61fff91db43'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

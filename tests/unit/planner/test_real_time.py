@@ -6,8 +6,9 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.system import ThreadsTask
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.running.thread_priorities import ThreadRule, rules_of
 from tests.builders import a_component, a_host, a_system
-from tests.planning import PLACES
+from tests.planning import PLACES, route
 from tests.strategies import state_with
 
 HOST = a_host(provider=ProviderKind.LINUX)
@@ -38,3 +39,16 @@ def test_classes_for_threads_need_the_kernels_limit(percent: int | None, code: l
     arm = a_component("arm", reserve="20 %", task=ThreadsTask(task_class="MotionControl", threads=("controller*",)))
 
     assert [each.split()[0] for each in found(arm, VISION, deadline_percent=percent)] == code
+
+
+def test_partition_has_the_priorities_of_its_threads() -> None:
+    arm = a_component(
+        "arm", reserve="20 %", task=ThreadsTask(task_class="MotionControl", threads=("controller*", "io"))
+    )
+    system = a_system(hosts=[HOST], components=[arm, VISION])
+
+    wanted = route(system, state_with(HOST)).desired.state.partitions
+
+    threads = {partition.settings.name: partition.settings.threads for partition in wanted}
+    assert threads["vision"] == ""
+    assert rules_of(threads["arm"]) == tuple(ThreadRule(name, 23) for name in ("controller*", "io"))
