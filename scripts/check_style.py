@@ -12,7 +12,7 @@ PACKAGE = Path("rarms_iac")
 OPENS_FILES = frozenset(
     {"app/install_there.py", "storage/reading.py", "storage/disk.py", "storage/writing.py", "storage/shipped.py"}
     | {"providers/cgroups/effects.py", "running/supervisor_process.py", "running/kernel_files.py"}
-    | {"running/line_sources.py", "running/environment.py", "running/thread_priorities.py"}
+    | {"running/line_sources.py", "running/environment.py", "running/thread_priorities.py", "running/thread_watcher.py"}
 )
 """Modules that open files: the reader, the writers, and those that read files of the kernel or of components, or run
 alone."""

@@ -30,6 +30,7 @@ if sys.platform != "win32":  # the other side may be Windows, and reads the cons
 
 ANSWER = "rarms-install: "
 BOOT_UNIT = "rarms-boot.service"
+WATCHER_UNIT, WATCHER_PATH = "rarms-threads.service", "rarms-threads.path"
 CHUNK = 2**20
 LAST_CHARACTERS = 1_500  # of what a program printed
 SEARCH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -58,11 +59,22 @@ class RobotPlaces:
         return Path(self.versions, ".wheels")
 
     @property
-    def boot_file(self) -> Path | None:
-        """The file that starts partitions with the machine; None: the robot has neither systemd nor cron."""
-        if Path(self.systemd).is_dir():
-            return Path(self.units, BOOT_UNIT)
-        return Path(self.cron, "rarms") if Path(self.cron).is_dir() else None
+    def has_systemd(self) -> bool:
+        """Whether systemd is process 1."""
+        return Path(self.systemd).is_dir()
+
+    @property
+    def boot_files(self) -> dict[Path, str]:
+        """The files that start partitions and the watcher of threads, with their texts.
+
+        The first starts partitions; none: the robot has neither systemd nor cron.
+        """
+        if self.has_systemd:
+            texts = {BOOT_UNIT: BOOT, WATCHER_UNIT: WATCHER, WATCHER_PATH: WATCHED}
+            found = {Path(self.units, name): text for name, text in texts.items()}
+        else:
+            found = {Path(self.cron, "rarms"): CRON} if Path(self.cron).is_dir() else {}
+        return {file: text.format(programs=f"{self.versions}/current/bin", places=self) for file, text in found.items()}
 
 
 class Refused(Exception):
@@ -102,7 +114,7 @@ def look(_request: Facts, _archive: tarfile.TarFile, places: RobotPlaces) -> Fac
         "libc": list(platform.libc_ver()),
         "versions": {name: build.name for name, build in _versions(places).items()},
         "current": _current(places),
-        "boots": places.boot_file is None or places.boot_file.is_file(),
+        "boots": all(file.is_file() for file in places.boot_files),
         "unfinished": _unfinished(places),
     }
 
@@ -347,44 +359,70 @@ FINISH = "rarms_iac.robot.finish"
 
 def _install_boot(places: RobotPlaces) -> str:
     """Have partitions start with the machine; return the file that does it, or nothing."""
-    file = places.boot_file
-    if file is None:
-        return ""
-    rarms = f"{places.versions}/current/bin/rarms"
-    is_unit = file.name == BOOT_UNIT
-    text = UNIT.format(rarms=rarms, places=places) if is_unit else f"@reboot root {rarms} start --boot\n"
-    if not file.is_file() or file.read_text(encoding="utf-8") != text:
-        new = file.with_name(f".{file.name}.new")  # cron reads no name with a point
-        new.write_text(text, encoding="utf-8")
-        new.chmod(0o644)
-        new.replace(file)
-    if is_unit:
+    files = places.boot_files
+    for file, text in files.items():
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            new = file.with_name(f".{file.name}.new")  # cron reads no name with a point
+            new.write_text(text, encoding="utf-8")
+            new.chmod(0o644)
+            new.replace(file)
+    if places.has_systemd:
         _run("boot", "systemctl", "daemon-reload")
-        _run("boot", "systemctl", "enable", "--quiet", BOOT_UNIT)
-    return str(file)
+        _run("boot", "systemctl", "enable", "--quiet", BOOT_UNIT, WATCHER_PATH)
+        _run("boot", "systemctl", "start", WATCHER_PATH)
+    return str(next(iter(files), ""))
 
 
 def _remove_boot(places: RobotPlaces) -> None:
-    file = places.boot_file
-    if file is None or not file.is_file():
-        return
-    if file.name == BOOT_UNIT:
-        _run("boot", "systemctl", "disable", "--quiet", BOOT_UNIT)
-    file.unlink()
-    if file.name == BOOT_UNIT:
+    files = [file for file in places.boot_files if file.is_file()]
+    if files and places.has_systemd:
+        _run("boot", "systemctl", "disable", "--now", "--quiet", *(file.name for file in files))
+    for file in files:
+        file.unlink()
+    if files and places.has_systemd:
         _run("boot", "systemctl", "daemon-reload")
 
 
-UNIT = """\
+BOOT = """\
 [Unit]
 Description=Start the partitions of rarms
-ConditionPathExists={rarms}
+ConditionPathExists={programs}/rarms
 RequiresMountsFor={places.versions} {places.state}
 
 [Service]
 Type=oneshot
-ExecStart={rarms} start --boot
+ExecStart={programs}/rarms start --boot
 
 [Install]
 WantedBy=multi-user.target
 """
+
+WATCHER = """\
+[Unit]
+Description=Give threads of services the priority of their task class
+ConditionPathExists={programs}/python
+RequiresMountsFor={places.versions} {places.state}
+
+[Service]
+ExecStart={programs}/python -I -m rarms_iac.running.thread_watcher {places.state}
+Restart=on-failure
+RestartSec=10
+"""
+
+WATCHED = """\
+[Unit]
+Description=Start rarms-threads.service while partitions have priorities of threads
+
+[Path]
+PathExistsGlob={places.state}/*.threads
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+CRON = """\
+@reboot root {programs}/rarms start --boot
+* * * * * root ls {places.state}/*.threads >/dev/null 2>&1 && flock -n -E 0 {places.state} \
+{programs}/python -I -m rarms_iac.running.thread_watcher {places.state} 2>&1 | logger -t rarms-threads
+"""
+"""Each minute it starts the watcher of threads, unless that runs or has nothing to watch."""

@@ -4,8 +4,10 @@ pytest runs it in the emulated machine, where systemd is process 1; nothing coll
 """
 
 import json
+import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -13,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app import install_there
+from rarms_iac.app.install_there import WATCHER_PATH, WATCHER_UNIT, RobotPlaces
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.run import (
     AttachedContainer,
@@ -33,6 +37,8 @@ from rarms_iac.providers.measuring import PartitionWork, Work
 from tests.builders import a_component, a_run
 from tests.contracts.benches import forget_groups, forget_host, slice_of
 from tests.contracts.test_measuring_contract import ready
+from tests.needs import CHECKOUT
+from tests.system import test_thread_watcher as watching
 from tests.system.test_attached import MortalEffects, is_killed, the_host
 from tests.unit.cli.running import rarms
 
@@ -141,6 +147,29 @@ def test_service_runs_in_its_partition(folder: Path) -> None:
 
     assert rarms("destroy", *where, "--auto-approve").code == 0
     assert units(f"{slice_unit}-*") == []
+
+
+def test_threads_of_own_service_get_their_class(folder: Path) -> None:
+    watching.apply(folder)
+    unit = f"{slice_of(folder).replace('-', '_')}-arm.slice"
+    (folder / "current").symlink_to(CHECKOUT / ".venv")
+    places = RobotPlaces(versions=str(folder))
+    words = ("--unit=arm", "--collect", f"--slice={unit}", sys.executable, "-c", watching.PROGRAM)
+    install_there._install_boot(places)
+    try:
+        output("systemd-run", "--quiet", *words)
+        process = int(shown("arm", "MainPID")["MainPID"])
+        watching.awaited(lambda: watching.priorities(process), "controller-loop", (os.SCHED_FIFO, 20))
+        others = watching.priorities(process)
+        output("systemctl", "stop", WATCHER_PATH, WATCHER_UNIT)
+        after = watching.priorities(process)
+        output("systemctl", "stop", "arm")
+    finally:
+        install_there._remove_boot(places)
+
+    assert others["planner"] == watching.USUAL
+    assert after["controller-loop"] == watching.USUAL
+    assert rarms("destroy", "-f", str(folder), "--auto-approve").code == 0
 
 
 def service(script: str, *, stop: Stop | None = None, **properties: str | int) -> Run:

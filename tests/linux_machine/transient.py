@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app import install_there
+from rarms_iac.app.install_there import WATCHER_PATH, WATCHER_UNIT, RobotPlaces
 from rarms_iac.model.run import AttachedService, Run, SampleCount, Samples, Service, ServiceProperties, Stop, TimeField
 from rarms_iac.providers.cgroups.attach_target import AttachTarget, find_target
 from rarms_iac.providers.cgroups.attached import AttachedState
@@ -22,6 +24,7 @@ from rarms_iac.providers.cgroups.trees import CONTROLLERS_V2, GroupTreeSystemd
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.orders import CannotStart, ProcessPlace, StartContext
 from tests.builders import a_run
+from tests.needs import CHECKOUT
 from tests.system.test_attached import Killed, MortalEffects
 
 LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
@@ -206,3 +209,33 @@ def test_services_that_cannot_be_held_are_refused() -> None:
         assert refused("nobody") == "the service nobody.service does not run"
         with running_service("nav2@2"):
             assert "several services have the name nav2: nav2@1.service, nav2@2.service" in refused("nav2")
+
+
+def awaited(unit: str, wanted: str) -> None:
+    until = time.monotonic() + 60
+    while (found := output("systemctl", "show", "--property=ActiveState", "--value", unit)) != wanted:
+        assert time.monotonic() < until, found
+        time.sleep(0.2)
+
+
+def test_watcher_runs_while_there_are_rules() -> None:
+    (SEEN / "current").symlink_to(CHECKOUT / ".venv")
+    places = RobotPlaces(versions=str(SEEN))
+    rules = Path(places.state) / "rarms.threads"
+    install_there._install_boot(places)
+    try:
+        awaited(WATCHER_PATH, "active")
+        awaited(WATCHER_UNIT, "inactive")
+        rules.parent.mkdir(exist_ok=True)
+        rules.write_text('{"/sys/fs/cgroup/rarms.slice/rarms-arm.slice": "controller* at 21"}', encoding="ascii")
+        awaited(WATCHER_UNIT, "active")
+        rules.unlink()
+        awaited(WATCHER_UNIT, "inactive")
+        result = output("systemctl", "show", "--property=Result", "--value", WATCHER_UNIT)
+    finally:
+        rules.unlink(missing_ok=True)
+        install_there._remove_boot(places)
+
+    assert result == "success"
+    assert not any(file.exists() for file in places.boot_files)
+    awaited(WATCHER_PATH, "inactive")

@@ -93,7 +93,9 @@ def test_a_newer_version_keeps_the_one_before(robot: Robot) -> None:
 
     assert done.removed == ("1.0",)
     assert (robot.works(), robot.works("2.0")) == ("3.0", "2.0")
-    assert Path(done.boot).read_text() == f"@reboot root {robot.versions}/current/bin/rarms start --boot\n"
+    start, watch = Path(done.boot).read_text().splitlines()
+    assert start == f"@reboot root {robot.versions}/current/bin/rarms start --boot"
+    assert f"{robot.versions}/current/bin/python -I -m rarms_iac.running.thread_watcher" in watch
     assert sorted(path.name for path in robot.places.builds.iterdir()) == ["2.0-1", "3.0-1"]
 
 
