@@ -295,8 +295,7 @@ def _not_met(
     relax = prose("Relax the threshold (", select, " shows the levels that can be met), ")
     if verdict.achievement is Achievement.OPEN:
         template = (
-            "{log}: at {highest_percent:%} of its VPs the samples do not show whether {_indexes} meets "
-            "its threshold."
+            "{log}: at {highest_percent:%} of its VPs the samples do not show whether {_indexes} meets its threshold."
         )
         advice = prose(
             "More samples may show it. ",

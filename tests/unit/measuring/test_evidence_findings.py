@@ -4,7 +4,8 @@ import pytest
 
 from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.other_work import work_of_evidence
-from rarms_iac.model.setting import HeardMessages, SettingEvidence, ThreadsSeen
+from rarms_iac.model.series import HeardMessages
+from rarms_iac.model.setting import SettingEvidence, ThreadsSeen
 from tests.builders import PathPlaces
 
 
