@@ -100,14 +100,15 @@ class TerminalTuningPrompt(TuningProgress):
         super().__init__(session.terminal.talk)
         self._session = session
         self._asks = asks
-        self._answers: dict[Members, bool] = {}
+        self._consents: dict[Members, bool] = {}
 
     def allows(self, members: Members, settings: int, gain: int) -> bool:
         """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked again."""
-        if self._asks and members not in self._answers:
+        if self._asks and members not in self._consents:
+            self.ended()
             question = questions.combination_question(members, settings, gain)
-            self._answers[members] = ask_yes_or_no(self._session, question)
-        return self._answers.get(members, True)
+            self._consents[members] = ask_yes_or_no(self._session, question)
+        return self._consents.get(members, True)
 
     def confirms(self, found: TuningResult) -> bool:  # noqa: ARG002 - the protocol's
         """Have it written."""
@@ -123,6 +124,7 @@ class TerminalCombiningPrompt(TerminalTuningPrompt):
 
     def confirms(self, found: TuningResult) -> bool:
         """Show the partitions, and ask."""
+        self.ended()
         self._session.terminal.talk(tuned_text(found))
         return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 

@@ -170,7 +170,9 @@ class TuneAction(Action):
         hosts = workspace.hosts()
         control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
         request = TuneRequest(dry_run=self.dry_run, on_busy_host=self.on_busy_host)
-        result = tune_components(hosts, request, control, WatchedTuning(transcript.say))
+        prompt = WatchedTuning(transcript.say)
+        result = tune_components(hosts, request, control, prompt)
+        prompt.ended()
         for sentence in manifest_changes(result):
             transcript.message(sentence)
         transcript.findings(result.findings, hosts.manifest.sources)

@@ -23,24 +23,45 @@ class TuningProgress(SilentReporter):
 
     def __init__(self, say: Callable[["RenderableType"], None]) -> None:
         self._say = say
-        self._answered = 0
+        self._compounds = 0
+        self._answers: list[Answer] = []  # of the compound that is asked for now
 
     def setting_answered(self, answer: Answer) -> None:
-        """Write `[3] speech+vision  0.7 LP  met`."""
-        self._answered += 1
-        amount = show_processors(guaranteed(answer.reserve, answer.processors))
-        words = "  ".join(("+".join(answer.members), amount, answer_text(answer)))
-        self._say(paragraph(f"[{self._answered}] {words}", more=4))
+        """Write the compound before, once another one is asked for."""
+        if self._answers and self._answers[-1].members != answer.members:
+            self.ended()
+        self._answers.append(answer)
+
+    def ended(self) -> None:
+        """Write `[3] speech+vision  0.7 LP  met` of the compound that was asked for last."""
+        if self._answers:
+            self._compounds += 1
+            self._say(paragraph(f"[{self._compounds}] {compound_line(self._answers)}", more=4))
+            self._answers = []
 
     def declined(self, members: Members) -> None:
         """Say that it is left out."""
+        self.ended()
         self._say(paragraph(f"Not combined: {in_a_row(members)}."))
 
     def combined(self, compound: Coi, before: int) -> None:
         """Say what it brought."""
+        self.ended()
         names = in_a_row(compound.members)
         separate, together = show_lp_percent(before), show_lp_percent(compound.cost)
         self._say(paragraph(f"Combined: {names}, {separate} apart and {together} together."))
+
+
+def compound_line(answers: Sequence[Answer]) -> str:
+    """Write the least setting that is enough, or else the highest that is not, and who missed there."""
+    enough = [answer for answer in answers if answer.passed]
+    shown = min(enough, key=_reserve) if enough else max(answers, key=_reserve)
+    amount = show_processors(guaranteed(shown.reserve, shown.processors))
+    return "  ".join(("+".join(shown.members), amount, answer_text(shown)))
+
+
+def _reserve(answer: Answer) -> int:
+    return answer.reserve
 
 
 def answer_text(answer: Answer) -> str:

@@ -68,15 +68,16 @@ def test_written_layout_is_to_be_planned_next() -> None:
     assert render(tuned_text(replace(result, files=("rarms.yaml",)))).endswith("Next: `rarms plan`\n")
 
 
-def test_answer_is_a_numbered_line() -> None:
+def test_compound_is_a_numbered_line() -> None:
     said: list[str] = []
     progress = TuningProgress(lambda text: said.append(render(text)))
 
-    for worse, reserve in ((("a",), 40), ((), 45)):
-        answer = Answer(members=("a", "b"), reserve=reserve, worse=worse, predicted=44, processors=2)
+    for members, reserve, worse in (("ab", 40, "a"), ("ab", 60, ""), ("ab", 45, ""), ("ac", 30, "c"), ("ac", 40, "ac")):
+        answer = Answer(members=tuple(members), reserve=reserve, worse=tuple(worse), predicted=44, processors=2)
         progress.setting_answered(answer)
+    progress.ended()
 
     assert said == [
-        "[1] a+b  0.8 LP  missed by a\n",
-        "[2] a+b  0.9 LP  met\n",
+        "[1] a+b  0.9 LP  met\n",
+        "[2] a+c  0.8 LP  missed\n",
     ]
