@@ -349,7 +349,7 @@ def _next_proof_command(
         for index in component.apt
         for load in system.policy.interference
     }
-    missed = {proof.entry.component for proof in proofs if not proof.proven.met and not proof.proven.samples_needed}
+    missed = {proof.entry.component for proof in proofs if proof.proven.verdict == "missed"}
     if missed := missed & {name for name, _, _ in asked}:
         again = command("measure", *sorted(missed), again=True, stop_partitions=True)
         return NextCommand(command=again, reason="finds a reservation for the components that missed their threshold")
@@ -363,6 +363,14 @@ def _next_proof_command(
     if off:
         reason = "starts partitions, so that thresholds can be proven"
         return NextCommand(command=command("start", *off), reason=reason)
+    too_near = [
+        proof.entry.component
+        for proof in proofs
+        if proof.proven.verdict == "inconclusive" and not proof.proven.samples_needed
+    ]
+    if too_near:
+        reason = "shows a value too close to its threshold: raise the reservation, or relax the threshold"
+        return NextCommand(command=command("explain", min(too_near, key=natural_order)), reason=reason)
     samples = max((proof.proven.samples_needed or 0 for proof in proofs if not proof.proven.met), default=0)
     if samples:
         reason = "runs all components together again, with more samples"

@@ -292,18 +292,21 @@ def _announce(
     loads = [each.interference for each in conditions if each.interference]
     with_load = f"with {in_a_row(loads)}, using all idle time" if loads else "without load"
     least = most = _last_proof_ms(session.hosts, name, layout, [each.interference for each in conditions])
-    simulated = " (simulated)"
-    if session.hosts.system.hosts[name].provider is not ProviderKind.SIMULATED:  # else its clock is not the user's
-        window_ms, simulated = session.held_hosts[name].scheduler_memory_ms, ""
+    simulated, clock = "", ""
+    is_simulated = session.hosts.system.hosts[name].provider is ProviderKind.SIMULATED
+    if is_simulated:  # its clock is not the user's
+        simulated, clock = " (simulated)", "" if most else " of host time"
+    if not (is_simulated and most):
+        window_ms = session.held_hosts[name].scheduler_memory_ms
         least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
         most = max(least, proof_budget_ms(session.hosts.system, len(conditions)))
     starts = f"at least {counted(STARTS * len(conditions), 'start')} of all components"
-    line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most or inf)
-    session.control.reporter.message(f"{line}.")
+    line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most)
+    session.control.reporter.message(f"{line}{clock}.")
     parts = {each.interference: each.load_partition for each in conditions}
     if short := [load for load, partition in parts.items() if load and partition and partition.lacks_part]:
         session.control.reporter.message(describe_missing_part(name, short))
-    return most or inf
+    return inf if clock else most
 
 
 def _last_proof_ms(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> float:

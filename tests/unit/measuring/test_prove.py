@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import chdir
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,8 @@ from rarms_iac.model.state import Partition
 from rarms_iac.model.system import AtMost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.simulated.provider import SimulatedHostProvider
-from rarms_iac.storage.datalog.decisions import Proven, read_entries
-from rarms_iac.storage.datalog.files import configuration_path
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
+from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 from tests.builders import a_component, a_host
 from tests.measured import a_series, noisy
 from tests.robots import a_measured, a_robot_of
@@ -195,7 +196,7 @@ def test_each_load_of_policy_is_proven_and_recorded(here: Path) -> None:
     assert [entry.interference for entry in entries if isinstance(entry, Proven)] == ["busy-loop", "bursts-20", None]
     announced = " ".join(several.err.split())
     begins = "Proof on onboard (simulated) with busy-loop and bursts-20, using all idle time: at least 16 starts"
-    assert f"{begins} of all components." in announced
+    assert re.search(re.escape(f"{begins} of all components, ") + r"[^.]*of host time\.", announced), announced
     again = " ".join(prove("--interference", "busy-loop").err.split())
     assert re.search(r": at least 8 starts of all components, about [0-9.]+ m?s\.", again), again
 
@@ -472,3 +473,23 @@ def test_stopped_proof_without_load_starts_again_so(here: Path, monkeypatch: pyt
 
     assert ran.code == ExitCode.INTERRUPTED
     assert "Start again: `rarms prove --without-load --samples 40`." in " ".join(ran.err.split())
+
+
+def test_value_too_near_its_threshold_is_not_measured_again(here: Path) -> None:
+    """More samples do not help, and another search is not what its finding advises."""
+    near = ProvenIndex(
+        index="mean_response_time",
+        threshold=AtMost(value=Fraction(70)),
+        value=69.9,
+        lower=69.0,
+        upper=70.8,
+        met=False,
+        verdict="inconclusive",
+    )
+    assert prove().code == 0
+    log = configuration_path(here, "onboard", "vision")
+    proven_last = read_entries(log)[-1]
+    assert isinstance(proven_last, Proven)
+    append_to_log(log, replace(proven_last, indexes=(near,)))
+
+    assert "Next: `rarms explain vision` shows a value too close to its threshold" in rarms("status").out
