@@ -381,9 +381,8 @@ def _wasted_processors(
     now, then = (show_processors(guaranteed(reserve, count)) for count in (processors, used))
     yield VPS_USED.at(
         places.key("components", experiment.members[0].name),
-        "{_names} used at most {used_processors} of its {processors} fixed VPs. {reserve_percent} % of them is "
-        "{_now}; with {used_processors} it is {_then}.",
-        prose("Remove `processors`, then measure again: ", command("measure", *experiment.setup.members), "."),
+        "{_names} used at most {used_processors} of {processors} VPs. {_now} becomes {_then}.",
+        prose("Remove `processors` from the manifest, then: ", command("measure"), "."),
         address=f"component/{experiment.members[0].name}",
         components=tuple(experiment.setup.members),
         processors=processors,

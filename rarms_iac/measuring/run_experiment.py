@@ -245,8 +245,8 @@ def _begin(session: MeasuringSession, experiment: Experiment, method: Method, *,
         _refuse_other_hardware(session, experiment, log)
         changes = "; ".join(map(str, log.changed))
         session.control.reporter.message(
-            f"Changed since {log.path.as_posix()} was measured: {changes}. rarms keeps its results but does "
-            "not use them."
+            f"Changed since {log.path.as_posix()} was measured: {changes}. rarms measures again and "
+            "keeps the earlier results for comparison."
         )
     again = session.remeasurements.get(log.path)
     recorded = [each for each in log.known.runs if again is None or each.seed == again.seed]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.diff.readings import resolve
-from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
+from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, SampleCount
@@ -149,9 +149,12 @@ def running_partition(state: State, partition: str, application: str) -> Partiti
         HostRefused: it is not there or does not run.
     """
     found = resolve(state.partitions, partition, Scope(application=application, plan=""))
-    if len(found) != 1 or not found[0].settings.running:
+    if len(found) != 1:
         advice = prose("Show the changes with ", PLAN, ", and apply them with ", APPLY, ".")
-        raise HostRefused(state.facts.name, f"the partition {partition} of {application} is not running", advice)
+        raise HostRefused(state.facts.name, f"the partition {partition} of {application} does not exist", advice)
+    if not found[0].settings.running:
+        advice = prose("Start it: ", command("start", partition), ".")
+        raise HostRefused(state.facts.name, f"the partition {partition} of {application} is stopped", advice)
     return found[0]
 
 

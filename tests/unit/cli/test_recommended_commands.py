@@ -403,7 +403,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a component does not use its processors": (
         given(WIDE.replace("samples: 60", "samples: 40")),
-        Ask("measure vision", "Remove `processors`", "measure vision"),
+        Ask("measure vision", "Remove `processors`", "measure"),
     ),
     "fewer virtual processors may be enough": (
         given(WIDE.replace("50 ms", "26 ms").replace("20 %", "30 %"), "measure vision"),
@@ -523,6 +523,7 @@ OTHER_TESTS = {
     "Set the governor ": "tests/unit/app/test_data_logs.py",
     "Measurements on a simulated host never hold for a real one. ": "tests/unit/app/test_data_logs.py",
     "or more, 1.2 times the peak": "tests/unit/app/test_data_logs.py",
+    "Start it: `rarms start '{partition}'`.": "tests/unit/measuring/test_run_component.py",
     "Measure whether a reservation helps: ": "tests/unit/measuring/test_run_component.py",
     "Another tool also changes it": "tests/unit/applying/test_applying.py",
     "`rarms undo` to finish it": "tests/system/test_killed_and_run_again.py",

@@ -226,7 +226,7 @@ def test_unused_fixed_processors_are_noted(source: ProcessorSource, codes: list[
     found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
-    assert all("1.08 LP; with 1 it is 0.54 LP" in diagnostic.detail for diagnostic in found)
+    assert all("1.08 LP becomes 0.54 LP" in diagnostic.detail for diagnostic in found)
 
 
 def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:

@@ -356,8 +356,11 @@ def test_component_runs_in_its_partition_and_class(linux_folder: Path) -> None:
     assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
     after = rarms("run", "-f", str(linux_folder), "--samples", "2")
     inside = json.loads(seen.read_text(encoding="utf-8"))
+    assert rarms("stop", "-f", str(linux_folder), "--auto-approve").code == 0
+    stopped = rarms("run", "-f", str(linux_folder), "--samples", "2")
 
-    assert "vision runs without a reservation: onboard: the partition vision of robot is not running." in before.err
+    assert "vision runs without a reservation: onboard: the partition vision of robot does not exist." in before.err
+    assert "vision runs without a reservation: onboard: the partition vision of robot is stopped." in stopped.err
     assert after.err.startswith("vision runs in its partition vision on onboard (chrt --fifo 23).")
     assert slice_name not in outside[0]
     assert f"/{slice_name}/vision" in inside[0]
