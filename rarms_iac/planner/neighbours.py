@@ -102,7 +102,7 @@ def _steady_loads_finding(
         places.key("components", member.name, "apt", indexes[0]),
         (
             "{component} was measured only under loads that never pause. With partitions that pause, its "
-            "jobs may answer {_late}; {_tails:all} allows less."
+            "jobs may answer {_late}; too late for {_tails:all}."
         ),
         prose(
             (

@@ -422,7 +422,7 @@ def test_steady_loads_alone_warn_of_a_tail() -> None:
 
     assert severity == "warning"
     assert "may answer 110 ms after they are due: 10 ms of work by its reservation, and a window of 100 ms" in detail
-    assert detail.endswith("p95_response_time allows less.")
+    assert detail.endswith("too late for p95_response_time.")
 
 
 def test_bursts_note_neighbours_of_a_tail() -> None:
