@@ -51,7 +51,7 @@ class WorkBegun:
     more_follows: bool = False  # a later pass measures the same again, more precisely
 
 
-UnitEnding = Literal["met", "provisional", "missed", "inconclusive", "no answer", "too many failed samples"]
+UnitEnding = Literal["met", "provisional", "missed", "inconclusive", "no answer", "measured", "too many failed samples"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

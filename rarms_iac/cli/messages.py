@@ -71,7 +71,7 @@ class StopOptions:
 def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
     """Write these findings as text, in order; nothing where there are none."""
     if diagnostics:
-        terminal.talk(findings_text(in_order(tuple(diagnostics)), sources or {}))
+        terminal.talk(findings_text(in_order(tuple(diagnostics)), sources or {}, in_progress=True))
 
 
 def write_outputs(

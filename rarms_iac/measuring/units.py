@@ -10,7 +10,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient
+from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.quantities import guaranteed, show_duration
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.first_look import point_estimate
@@ -61,6 +61,8 @@ def _ending(result: ExperimentResult) -> UnitEnding:
             return "missed"
         case SettingFailed():
             return "too many failed samples"
+        case Swept():
+            return "measured"
         case _:
             return "no answer" if result.is_provisional else "inconclusive"
 
@@ -97,9 +99,9 @@ def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str
     loads = counted(max(len(group) for group in groups), "load")
     usual_ms = sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
     most_ms = sum(MOST * len(group) * group[0].budget.most_ms for group in groups)
-    begins = f"Measuring {components} x {loads} on {names}: a first pass of about"
-    first = f"{begins} {show_duration(usual_ms)} of host time"
-    return f"{first}." if quick else f"{first}, then at most {show_duration(most_ms)}."
+    begins = f"Measuring {components} x {loads} on {names}"
+    usual = show_duration(usual_ms)
+    return f"{begins}: about {usual}." if quick else f"{begins}: {usual} to {show_duration(usual_ms + most_ms)}."
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:
@@ -118,5 +120,5 @@ def describe_processors(results: Sequence[ExperimentResult]) -> str:
     for number, names in by_number.items():
         if 1 < len(names) == len(results):
             return f"Each uses {counted(number, 'processor')}: measuring with {counted(number, 'VP')}."
-    words = [f"{in_a_row(names)} with {counted(number, 'VP')}" for number, names in sorted(by_number.items())]
-    return f"Measuring with the processors in use: {'; '.join(words)}."
+    words = [f"{in_a_row(names)} {counted(number, 'VP')}" for number, names in sorted(by_number.items())]
+    return f"Processors in use: {'; '.join(words)}."

@@ -46,7 +46,12 @@ SECRETS = frozenset({"RARMS090", "RARMS091"})
 
 
 def findings_text(
-    diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = (), brief: bool = False
+    diagnostics: Sequence[Diagnostic],
+    sources: Sources,
+    *,
+    accepted: Sequence[Diagnostic] = (),
+    brief: bool = False,
+    in_progress: bool = False,
 ) -> "RenderableType":
     """Show every finding, and a last line that counts them.
 
@@ -55,6 +60,7 @@ def findings_text(
         sources: the text of each file, or its lines, by the name that places use; it may lack some.
         accepted: findings that the policy silences; they are counted.
         brief: a kind of notes is one line, which says where; `rarms validate` and `rarms explain` say the rest.
+        in_progress: a result follows, so that one kind of notes is not counted again.
     """
     lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
     kinds: dict[tuple[str, str], list[Diagnostic]] = {}
@@ -67,6 +73,8 @@ def findings_text(
             parts += [*(_one_finding(alike[0], lines) if len(alike) == 1 else _finding_group(alike)), ""]
     parts += map(_note, notes)
     only_notes = notes and len(notes) == len(kinds)
+    if in_progress and len(kinds) == 1 and diagnostics[0].severity is Severity.NOTE:
+        return stack(*parts[:-1])
     return stack(*parts, None if only_notes else findings_summary(diagnostics, accepted))
 
 

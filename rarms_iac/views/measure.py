@@ -1,6 +1,6 @@
 """`rarms measure`: the result, a row a threshold, and the settings of a sweep or of a curve."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, isinf
 from typing import TYPE_CHECKING, assert_never
@@ -27,7 +27,7 @@ from rarms_iac.model.outcomes import (
     Unsteady,
 )
 from rarms_iac.model.quantities import guaranteed, share_of_processors, show_percent, show_processors
-from rarms_iac.model.system import Component
+from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import describe_errors, describe_extreme
 from rarms_iac.statistics.first_look import point_estimate
@@ -40,6 +40,7 @@ from rarms_iac.views.verdicts import (
     delay_sentence,
     describe_conditions,
     describe_verdict,
+    share_of_threshold,
     short_bound,
     show_bound,
     skipped_sentence,
@@ -176,10 +177,12 @@ def _rows(experiment: Experiment, answer: _Answer | None) -> Iterator[tuple[str,
         values = {(each.component, each.index): each for each in indexes}
     conditional = set() if answer is None else {(each.component, each.index) for each in answer.result.conditions}
     amount, load = ("-", "") if answer is None else (answer.amount, answer.result.interference)
+    decides = _deciding(values.values())
     for member in experiment.members:
         name = member.name
         for index, threshold in member.apt.items():
             bound = short_bound(index_named(index), threshold)
+            bound += ", decides" if (member.name, index) == decides else ""
             if answer is not None and answer.result.is_provisional:
                 shown = _estimated(answer, member, index)
             else:
@@ -189,6 +192,18 @@ def _rows(experiment: Experiment, answer: _Answer | None) -> Iterator[tuple[str,
             name = amount = ""
         if not member.apt:
             yield name, experiment.host.name, "none", "-", amount, load
+
+
+def _deciding(values: Collection[MeasuredIndex]) -> tuple[str, str] | None:
+    """Return the component and index whose safe-side bound is nearest to its threshold; None: it is the only one."""
+    shares = {
+        (each.component, each.index): share_of_threshold(
+            each.estimate.upper if isinstance(each.threshold, AtMost) else each.estimate.lower, each.threshold
+        )
+        for each in values
+        if each.estimate is not None and each.threshold is not None
+    }
+    return max(shares, key=shares.__getitem__) if len(shares) > 1 else None
 
 
 def _estimated(answer: _Answer, member: Component, index: str) -> str:

@@ -22,7 +22,7 @@ from rarms_iac.texts.indexes import show_value
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRow, Table
-from rarms_iac.views.verdicts import delay_sentence, show_bound
+from rarms_iac.views.verdicts import delay_sentence, share_of_threshold, show_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -176,14 +176,15 @@ class MeasuringProgress(MeasuringReporter):
 
 
 def unit_line(unit: FinishedUnit) -> str:
-    """Write as `[3/12] vision  bursts-20  0.46 LP  p99 390 ms <= 400 ms  met`."""
+    """Write as `[3/12] vision  bursts-20  0.46 LP  p99 390 ms <= 400 ms  met`; of several values the nearest one."""
     amount = "" if unit.reserved_lp is None else show_processors(unit.reserved_lp)
-    values = []
-    for each in unit.values:
+    value = ""
+    if unit.values:
+        each = max(unit.values, key=lambda value: share_of_threshold(value.value, value.threshold))
         index = index_named(each.index)
         name, bound = index.name.removesuffix("_response_time"), show_bound(index, each.threshold)
-        values.append(f"{name} {show_value(index, each.value, each.threshold)} {bound}")
-    words = (unit.subject, unit.load, amount, ", ".join(values), unit.ending)
+        value = f"{name} {show_value(index, each.value, each.threshold)} {bound}"
+    words = (unit.subject, unit.load, amount, value, unit.ending)
     return f"[{unit.number}/{unit.of}] {'  '.join(filter(None, words))}"
 
 

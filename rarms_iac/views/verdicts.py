@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict
@@ -82,6 +83,13 @@ def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
 def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
     """Write as `p95 <= 100 ms` or `success_rate >= 99 %`, short enough for a table."""
     return f"{index.name.removesuffix('_response_time')} {show_bound(index, threshold)}"
+
+
+def share_of_threshold(value: float, threshold: Threshold) -> float:
+    """Return how much of its threshold a value uses: 1 at the threshold, more where it misses."""
+    bound = float(threshold.value)
+    used, allowed = (value, bound) if isinstance(threshold, AtMost) else (bound, value)
+    return used / allowed if allowed > 0 else inf
 
 
 VERDICTS = (

@@ -325,3 +325,14 @@ def test_sweep_shows_value_bounds_and_verdict() -> None:
     assert (rows[2][:6], rows[2][-1]) == (["1.18", "LP", "59", "%", "105.1", "ms"], "missed")
     assert (rows[3][:4], rows[3][-1]) == (["1.2", "LP", "60", "%"], "met")
     assert [row[7] for row in rows[2:]] == ["to", "to"], "the bounds"
+
+
+def test_deciding_threshold_is_marked() -> None:
+    apt = {"mean_response_time": at_most(100), "p95_response_time": at_most(400)}
+    system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+    shown = text([replace(found(105.0), experiment=experiment)])
+
+    assert "mean <= 100 ms, decides" in shown
+    assert "p95 <= 400 ms " in shown

@@ -1,11 +1,12 @@
 """The lines of units of work: one when each ends, and the time that the others may take."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.app.control import FinishedUnit, UnitValue, WorkBegun
 from rarms_iac.measuring.units import describe_work
 from rarms_iac.model.experiment import experiments_of
-from rarms_iac.model.system import AtMost
+from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.views.console import render
 from rarms_iac.views.progress import MeasuringProgress, unit_line
 from tests.builders import a_component, a_host, a_system
@@ -63,6 +64,12 @@ def test_beginning_names_the_work_and_its_bound() -> None:
         for name in ("vision", "speech")
     ]
 
-    begins = "Measuring 2 components x 2 loads on onboard (simulated): a first pass of about 2 min of host time"
-    assert describe_work(groups, quick=True) == f"{begins}."
-    assert describe_work(groups, quick=False) == f"{begins}, then at most 5 h 20 min."
+    begins = "Measuring 2 components x 2 loads on onboard (simulated)"
+    assert describe_work(groups, quick=True) == f"{begins}: about 2 min."
+    assert describe_work(groups, quick=False) == f"{begins}: 2 min to 5 h 22 min."
+
+
+def test_line_has_the_value_nearest_to_its_threshold() -> None:
+    rate = UnitValue(index="success_rate", value=100.0, threshold=AtLeast(value=Fraction(60)))
+
+    assert unit_line(replace(a_unit(3), values=(rate, P99))) == unit_line(a_unit(3))
