@@ -51,7 +51,8 @@ def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
 
 def _finding(finding: Diagnostic) -> str:
     place = f" {code(str(finding.place))}" if finding.place else ""
-    detail = safe(str(sentences(finding.detail, finding.advice)))
+    lines = str(sentences(finding.detail, finding.advice)).split("\n")
+    detail = "<br>".join(safe(line.strip()) for line in lines)
     return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
 
 

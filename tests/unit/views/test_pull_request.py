@@ -116,6 +116,12 @@ def test_findings_alone_are_a_list() -> None:
     assert "- **note RARMS086** Not used: x y" in findings_markdown([note])
 
 
+def test_list_in_a_finding_keeps_its_lines() -> None:
+    note = Finding(code="RARMS014", severity=Severity.ERROR, summary="Too much").at(None, "One of:\n  - a\n  - b", "")
+
+    assert findings_markdown([note]).strip().endswith("Too much: One of:<br>- a<br>- b")
+
+
 def test_without_a_plan_every_form_says_why(tmp_path: Path) -> None:
     folder = manifest(tmp_path, vision="90 %")
     sarif = tmp_path / "plan.sarif"
