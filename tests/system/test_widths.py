@@ -21,7 +21,6 @@ pytestmark = pytest.mark.needs("posix")
 MANIFEST = a_robot_of(
     a_measured("avoidance", criticality=40, at_most="42 ms", until="samples: 30"),
     a_measured("speech-recognition", at_most="60 ms", until="samples: 30", simulation="work: 25 ms, varies: 2 %"),
-    a_measured("routes", at_most="60 ms", until="samples: 30", simulation="work: 25 ms, varies: 2 %"),
     name="delivery",
     policy="interference: busy-loop, measuring: { setting: 10 s, proof: 2 s }",
 )
@@ -57,10 +56,10 @@ COMMANDS = (
     "export measured.csv",
     "graph",
     "measure speech-recognition --from 60% --to 100% --step 20% --stop-partitions",
-    "select routes --at 90ms",
+    "select speech-recognition --at 90ms",
     "plan",
     "apply --auto-approve",
-    "simulate change routes --off",
+    "simulate change speech-recognition --off",
     "drift",
     "status",
     "plan",
@@ -72,7 +71,7 @@ COMMANDS = (
     "fmt --check",
     "snapshot --out onboard.json",
     "run avoidance",
-    "release routes --auto-approve",
+    "release speech-recognition --auto-approve",
     "destroy --auto-approve",
     "history",
     "status",
@@ -81,7 +80,13 @@ COMMANDS = (
 )
 """One after the other: what each shows follows from those before it."""
 
-OWN_LINES = ("report --text", "graph", "plan --output markdown", "explain RARMS014", "select routes --at 90ms")
+OWN_LINES = (
+    "report --text",
+    "graph",
+    "plan --output markdown",
+    "explain RARMS014",
+    "select speech-recognition --at 90ms",
+)
 """What these write has lines of its own: a plot, a picture, Markdown, the code of a page, and facts in a list."""
 
 FOR_PROGRAMS = ("graph", "plan --output markdown")
