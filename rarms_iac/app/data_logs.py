@@ -425,7 +425,7 @@ def _log_that_holds(
         changed = found.comparison.changed
         return without_answer(
             planning_findings.STALE,
-            "{log} is not valid now. Changed since the measurement: {_changed}.",
+            "{log} is no longer valid. Changed since the measurement: {_changed}.",
             stale_advice(changed, members),
             changed=tuple(map(str, changed)),
             _changed=_list_some(changed),
@@ -444,10 +444,10 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
         return prose("Measure again: ", again, ". Or undo the change.")
     if any(change.part == "provider" and ProviderKind.SIMULATED in {change.before, change.after} for change in changed):
         return prose(
-            "Measurements on a simulated host never hold for a real one. Measure on this host: ",
+            "Measurements on a simulated host are never valid for a real one. Measure on this host: ",
             again.also(again=True),
-            ". Or fix the reserve (`cpu.reserve`). A `platform: NAME` in the overlay of the simulated host keeps its "
-            "data logs apart.",
+            ". Or fix the reserve (`cpu.reserve`). To keep its data logs apart, write `platform: NAME` in the overlay "
+            "of the simulated host.",
         )
     return prose(
         (
@@ -512,7 +512,7 @@ def _remarks_on_files(found: Present, cut: str) -> Iterator[_Remark]:
         advice = "To be sure, plan on a machine that has these files."
         yield NOT_VERIFIED, template, advice, _listed("files", unverified) | {"_most": MOST_BYTES}
     if cut:
-        template = "{log}: {reason}. rarms does not notice a change of the other files."
+        template = "{log}: {reason}. rarms does not notice changes in other files."
         yield (
             NOT_VERIFIED,
             template,

@@ -298,7 +298,7 @@ class _Case:
                 yield ExplainedValue("least reservation", value, source)
             source = self.fixed_by
         elif least is not None:
-            source = "the least whole per cent of its VPs at which every threshold holds"
+            source = "the smallest whole per cent of its VPs that meets every threshold"
         else:
             source = "not set"
         yield ExplainedValue("reservation", of_host(wanted) if wanted else "none", source)
@@ -373,7 +373,7 @@ class _Case:
         elif not previous.runs:
             why = f"`rarms tune` has measured nothing on {host.platform}"
         else:
-            why = "tuning measured no other compound with it"
+            why = "tuning has not measured another compound with it"
         return ExplainedValue("other compounds", "none", why)
 
     def _elsewhere(self, here: PlacedPartition, host: Host) -> ExplainedValue:
@@ -396,7 +396,7 @@ class _Case:
             names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
             why = f"no room together with {in_a_row(names)}" if names else "no room"
         elif there.reserved > here.reserved:
-            why = f"{here.host} needs less"
+            why = f"it needs less on {here.host}"
         else:
             why = (
                 f"it has room, but partitions that are on {here.host} stay there; otherwise the order of names decides"

@@ -128,7 +128,7 @@ def _judged(index: str, threshold: Threshold, curve: Curve, reserve: int) -> str
 
 def _why_unknown(reserve: int, overloaded: Set[int], unclear: Sequence[int]) -> str:
     if reserve in overloaded:
-        return "missed: jobs arrive faster than it ends them"
+        return "missed: jobs arrive faster than they are completed"
     if reserve in unclear:
         return "measured, without a verdict"
     return "not measured; lower settings gave no verdict" if any(at < reserve for at in unclear) else "not measured"

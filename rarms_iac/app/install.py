@@ -358,7 +358,7 @@ class _RobotSetup:
         if result.code == _NO_PYTHON:
             message = f"{target} has no Python 3.11 or newer in {install_there.SEARCH}"
             raise HostRefused(self.name, message, "Install one there, such as python3 of Debian 12 or Ubuntu 24.04.")
-        message = f"{target} did not answer as rarms does: exit code {result.code}, {error}"
+        message = f"the answer of {target} is not from rarms: exit code {result.code}, {error}"
         raise HostFailed(self.name, message, "Connect as root, or let this user run `sudo -n python3` there.")
 
     def _parsed(self, line: str) -> Mapping[str, Any]:
@@ -419,7 +419,7 @@ def _words(host: str, refusal: _Refusal) -> tuple[str, Wording]:
             return message, prose("Free space there, then run ", again, ".")
         case "digest":
             message = f"{refusal.file} was sent with SHA-256 {refusal.wanted} and arrived with {refusal.found}"
-            return message, prose("The connection or the disk changes data. Check both, then run ", again, ".")
+            return message, prose("The connection or the disk corrupts data. Check both, then run ", again, ".")
         case "writable":
             message = f"users other than root can change {refusal.file}, which root would run"
             return message, f"Correct this on the host: `chown root:root {refusal.file} && chmod go-w {refusal.file}`."

@@ -195,7 +195,7 @@ def write_edits(edits: Sequence[FileEdit]) -> None:
     changed = [edit for edit in edits if edit.after != edit.before]
     for edit in changed:
         if text_of(edit.file) != edit.before:
-            raise RequestError(f"{edit.file} was changed meanwhile, so nothing was written. Try again.")
+            raise RequestError(f"{edit.file} was changed in the meantime, so nothing was written. Try again.")
     for edit in changed:
         write_file(edit.file, edit.after.encode("utf-8"))
 

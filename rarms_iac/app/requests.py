@@ -103,7 +103,7 @@ def read_time(text: str) -> int:
     try:
         return int(parse_quantity(text, Unit.TIME)[1])
     except NotAQuantity as error:
-        comma = " The decimal sign is a point." if "," in text else ""
+        comma = " The decimal separator is a point." if "," in text else ""
         raise ValueError(
             f"{quoted(text)} is not a time such as 60s. Units: {', '.join(error.units)}.{comma}"
         ) from error

@@ -74,10 +74,7 @@ def _task_of(component: Component, report: Callable[[str], None]) -> ProcessPlac
     if task is None:
         return ProcessPlace()
     if component.run is None or not isinstance(component.run.start, Call):
-        report(
-            f"{component.name} is a command: only its own threads can join {task}, by a call that its author adds "
-            "(docs/task-classes.md)."
-        )
+        report(f"{component.name} is a command: its own code must join {task} with one call, see docs/task-classes.md.")
         return ProcessPlace()
     try:
         with robotic_task(task):

@@ -134,7 +134,7 @@ def conflict_finding(path: str) -> Diagnostic:
     """
     return NOT_WRITTEN.at(
         None,
-        "{file} exists already and was not changed.",
+        "{file} already exists and was not changed.",
         "Give another name, or move that file away first.",
         file=path,
     )

@@ -114,7 +114,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     return UNFINISHED.of_host(
         host,
         "{_run} on {host}, started by {owner}, is unfinished.",
-        prose("If that process still works, wait. Otherwise run ", either, ", or ", _LEAVE),
+        prose("If that process is still running, wait. Otherwise run ", either, ", or ", _LEAVE),
         run=started.run.value,
         plan=started.plan,
         owner=started.started_by,

@@ -91,7 +91,7 @@ def _walk_back(host: StepwiseHost, origin: RunOrigin, control: RunControl, *, ke
         return _nothing_to_undo(host, journal)
     spared = repaired_addresses(journal) if keep else frozenset()
     if spared and not steps_undone(journal, spared):
-        why = f"all that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
+        why = f"everything that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
         return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
     if refused := without_rights(host):
         return refused

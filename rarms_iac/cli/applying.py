@@ -111,7 +111,7 @@ def _no_terminal(purpose: Purpose) -> RequestError:
     return RequestError(
         "rarms cannot ask: standard input is not a terminal.",
         prose(
-            "Give --auto-approve, or write a plan file and apply it: ",
+            "Use --auto-approve, or write a plan file and apply it: ",
             command("plan" if purpose is Purpose.APPLY else purpose.value, out="FILE"),
             ", then ",
             command("apply", "FILE"),

@@ -50,7 +50,7 @@ def refuse_standard_input(source: ManifestSource) -> None:
         RequestError: It did.
     """
     if source.manifest == STANDARD_INPUT:
-        raise RequestError("Standard input cannot be changed: name a file.")
+        raise RequestError("rarms cannot edit standard input. Name a file.")
 
 
 class TerminalLevelPrompt:
@@ -213,6 +213,6 @@ def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> No
     """
     if loads and not load_host and not session.terminal.answers:
         raise RequestError(
-            "A proof uses all idle time of the hosts. rarms cannot ask for that: standard input is not a terminal.",
+            "A proof uses all idle time of the hosts, and rarms cannot ask first: standard input is not a terminal.",
             prose("Allow it with --load-host, or prove without a load: ", command("prove", without_load=True), "."),
         )

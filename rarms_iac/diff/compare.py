@@ -53,7 +53,7 @@ def compare(
 
 
 FOREIGN_MARK = Finding.warning("RARMS151", "A mark of rarms is not valid")
-NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state in which it cannot be changed")
+NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that does not allow changes")
 
 
 _WORDS = {
@@ -262,8 +262,8 @@ def _protected_before(name: str) -> Diagnostic:
     return MAY_NOT_CHANGE.at(
         None,
         (
-            "Partition {partition:quoted} had `protect: true` when it was last applied, but it is not in "
-            "the manifest now."
+            "Partition {partition:quoted} had `protect: true` when it was last applied, but it is no longer in the "
+            "manifest."
         ),
         prose(
             "Add it again without `protect`, apply, and then remove it. To keep it without rarms: ",

@@ -156,7 +156,7 @@ def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> D
     elif is_shipped_task(before.name):
         owner, advice = "it comes with Windows", f"To replace it, write `tasks.{before.name}.replace_shipped: true`."
     else:
-        owner = "it exists already and rarms did not write it"
+        owner = "it already exists and rarms did not write it"
         advice = "Use another class, or remove this one by hand if nothing else uses it."
     return FOREIGN_AT_NAME.at(
         place,
@@ -219,7 +219,7 @@ def _describe_restored(before: Responsiveness) -> str:
     recorded = before.record.before if before.record else None
     if not recorded:
         return "it did not exist before"
-    return f"{', '.join(str(value.data) for value in recorded.values())} comes back"
+    return f"{', '.join(str(value.data) for value in recorded.values())} is restored"
 
 
 def _undecided(application: str, place: Place | None) -> Diagnostic:

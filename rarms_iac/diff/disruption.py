@@ -263,7 +263,7 @@ def _changes_without_capacity(changes: Sequence[Change], held_back: _Held, conte
     everything = {**claims, **{_key(changes[at]): pairs[at][1] for at in growing}}
     if context.fits(everything.values()):
         return {}
-    why = "it needs capacity that a change would free which is held back"
+    why = "it needs capacity that a held-back change would free"
     more: _Held = {}
     for at in sorted(growing, key=lambda at: (-context.rank(changes[at].address.partition)[0], changes[at].address)):
         claims_then = {**claims, _key(changes[at]): pairs[at][1]}

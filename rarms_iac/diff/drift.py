@@ -122,7 +122,7 @@ def _partitions(
             message = "`rarms measure` stopped it and was interrupted; `rarms start` starts it"
             if there[name].settings.running:
                 message = (
-                    "it is running, but its mark has it as stopped by `rarms measure`; `rarms start` corrects the mark"
+                    "it is running, but it is marked as stopped by `rarms measure`; `rarms start` corrects the mark"
                 )
             yield ResourceDrift(address=address, drift=kind, message=message)
         elif kind is not None:
@@ -218,7 +218,7 @@ def _describe(kind: DriftKind) -> str:
         case DriftKind.REMOVED:
             return "another tool removed it or its mark of rarms"
         case DriftKind.UNUSED:
-            return "it is not in the manifest now; it is stopped"
+            return "it is no longer in the manifest; it is stopped"
 
 
 PARTITION_PREFIX = "partition/"

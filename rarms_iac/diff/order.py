@@ -218,7 +218,7 @@ def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> D
         advice = "Lower their reservations, or those of other machines on the host."
     return NO_ORDER.at(
         None,
-        "The changes of {_join} wait for each other: {why}. Nothing is planned for this host.",
+        "The changes of {_join} depend on each other: {why}. Nothing is planned for this host.",
         advice,
         address=f"partition/{names[0]}" if names else "",
         partitions=names,

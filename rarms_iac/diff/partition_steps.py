@@ -152,7 +152,7 @@ def update_partition(
     yield from rename_mark(builder.address, before, reason)
     builder.now = replace(before, mark=replace(before.mark, name=address.partition)) if before.mark else before
     if before.settings.running and (off or not after.settings.running):
-        yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it must not run")
+        yield stop_step(builder, "it must be off for the next steps" if after.settings.running else "it must not run")
     if before.state is RunState.SAVED and after.settings.running:
         yield start_step(builder, "a saved machine can be changed only after a start")
     changed = changed_facets(before.settings, after.settings)

@@ -174,7 +174,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     identity, subject = identity_of(subject, files.of(subject), interpreters), replace(subject, setup=setup)
     if files.cut:
         names = " and ".join(setup.members)
-        session.control.reporter.message(f"{names}: {files.cut}. rarms does not notice a change of the other files.")
+        session.control.reporter.message(f"{names}: {files.cut}. rarms does not notice changes in other files.")
     return header_of(subject, identity, session.host_of(experiment).platform_facts())
 
 

@@ -41,7 +41,7 @@ from rarms_iac.statistics.overload import describe_overload, find_overload, more
 from rarms_iac.statistics.verdicts import LONG
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
 
-VPS_USED = Finding.note("RARMS380", "The component uses another number of processors")
+VPS_USED = Finding.note("RARMS380", "The component uses a different number of processors")
 FAILURES = Finding.error("RARMS113", "Too many samples failed")
 UNABLE = Finding.error("RARMS114", "The host cannot run the component")
 OCCUPIED = Finding.error("RARMS115", "The host is not free to measure")

@@ -57,7 +57,7 @@ class MeasureRequest:
     strategy: Literal["default", "bisection", "paper"] = option(
         "--strategy",
         help=(
-            "How to search the smallest reservation; paper: the paper's procedure with 10, 20, ... 100 %. "
+            "How to search for the smallest reservation; paper: the paper's procedure with 10, 20, ... 100 %. "
             "[default: default]"
         ),
         default="default",
@@ -285,7 +285,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         for host in _hosts_to_measure_on(hosts, members):
             experiments += experiments_of(system, host, members, loads, request.samples)
     if (names := attached_of(hosts, request)) and not request.attach:
-        message = f"Measuring slows down {in_a_row(names)}, which {'runs' if len(names) == 1 else 'run'} already."
+        message = f"Measuring slows down {in_a_row(names)}, which already {'runs' if len(names) == 1 else 'run'}."
         raise RequestError(message, "Confirm it with --attach. Its settings are restored afterwards.")
     return tuple(experiments)
 
@@ -401,7 +401,7 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     place = hosts.manifest.places.key("components")
     return UseCaseError(
         Outcome.NEGATIVE,
-        [MISSING.at(place, "No component has an `apt`, so there is no reservation to search.", advice)],
+        [MISSING.at(place, "No component has an `apt`, so there is no reservation to search for.", advice)],
         hosts.manifest.sources,
     )
 

@@ -214,7 +214,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     whole_ms = evidence.elapsed_ms * float(shared)
     idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)}."
     had = [
-        f"{work.name}{f' in {work.group}' if work.group.strip('/') else ''} had {100 * work.cpu_ms / whole_ms:.0f} %"
+        f"{work.name}{f' in {work.group}' if work.group.strip('/') else ''} used {100 * work.cpu_ms / whole_ms:.0f} %"
         for work in evidence.others
         if work.cpu_ms >= LEAST_SHARE * whole_ms
     ]
@@ -225,7 +225,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     ]
     reasons = [f"Of {show_processors(shared)}, {in_a_row(had)}."] if had else []
     reasons += [f"{reason[0].upper()}{reason[1:]}." for reason in limits]
-    return " ".join((idle, *(reasons or ["No other process and no limit was the cause: the load waited."])))
+    return " ".join((idle, *(reasons or ["Neither another process nor a limit was the cause: the load was waiting."])))
 
 
 def weak_answer(

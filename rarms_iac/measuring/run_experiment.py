@@ -282,7 +282,7 @@ def _refuse_other_hardware(session: MeasuringSession, experiment: Experiment, lo
     changes = tuple(map(str, changed))
     finding = STALE.at(
         place,
-        "{log} was measured on other hardware than {host} has now: {_changes}.",
+        "The hardware of {host} has changed since {log} was measured: {_changes}.",
         stale_advice(changed, experiment.setup.members),
         address=f"host/{host.name}",
         log=path,

@@ -97,7 +97,7 @@ class Settling:
         """
         return "; ".join(
             f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP where {contender.processors:.3g} "
-            "are reserved, and what is left over by others is not a promise"
+            "are reserved, and the rest was only left over by others"
             for contender, consumed in self._excesses()
             if contender.excess_forbids_verdict
         )

@@ -94,7 +94,7 @@ def _refuse_without_return(
             OCCUPIED.of_host(
                 host.name,
                 (
-                    "These run on {host} and could not be started again after measuring: {_names}. With the present "
+                    "These run on {host} and could not be started again after measuring: {_names}. With the current "
                     "manifest, the host does not have room for them."
                 ),
                 prose(PLAN, " shows the cause. Correct the manifest before you measure."),

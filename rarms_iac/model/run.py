@@ -135,8 +135,8 @@ class Periodic:
         PositiveTime,
         Key(
             (
-                "The period: `33 ms`. rarms starts the jobs of `per_run` and `call` itself. A command that "
-                "writes lines keeps the period itself; the variable RARMS_PERIOD_MS has it."
+                "The period: `33 ms`. rarms starts the jobs of `per_run` and `call` itself. A command that writes "
+                "lines keeps the period itself and finds it in the variable RARMS_PERIOD_MS."
             ),
             "every",
         ),
@@ -245,7 +245,7 @@ class Process:
             "file that contains this key."
         ),
     ] = ()
-    container: Annotated[Container | None, Key("A container of docker or podman, in the partition's group.")] = None
+    container: Annotated[Container | None, Key("A docker or podman container, in the partition's group.")] = None
     service: Annotated[Service | None, Key("A transient service of systemd, in the partition's slice.")] = None
     folder: Annotated[Filled[str], Key("The folder it runs in, relative to the file that contains this key.")] = "."
     environment: Annotated[

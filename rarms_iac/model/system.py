@@ -264,7 +264,7 @@ class Component:
     dedicated: Annotated[bool, Key("Whether it must be alone in its partition.")] = False
     hosts: Annotated[
         Filled[tuple[Name, ...]] | None,
-        Key("Hosts it may run on; absent: all with its measurements, or all if its reserve is fixed."),
+        Key("Hosts it may run on; absent: all hosts for which it is measured, or all hosts if its reserve is fixed."),
     ] = None
     runs_on: Annotated[
         RunsOn,
@@ -369,7 +369,8 @@ class PartitionRequest:
     memory: Annotated[PositiveMemory | None, Key("Its memory; absent: the sum of its components'.")] = None
     cpu: Annotated[CpuRequest, Key("Fixed CPU settings; absent: from its components.")] = CpuRequest()
     protect: Annotated[
-        bool, Key("Whether its removal by a plan is an error. `rarms undo` of the apply that made it still removes it.")
+        bool,
+        Key("Whether its removal by a plan is an error. `rarms undo` of the apply that created it still removes it."),
     ] = False
     start: Annotated[StartMode, Key("`automatic`: rarms starts it; `manual`: you start it.")] = StartMode.AUTOMATIC
     stop: Annotated[PartitionStop, Key("The way to stop it; absent: its guest has 120 s to shut down.")] = (
@@ -437,8 +438,8 @@ class MeasuringLimits:
         int,
         Within(1, 1000),
         Key(
-            "The longest job that no sample showed, as a multiple of the mean. A threshold that such jobs "
-            "would miss is met on a condition, marked `*`; 1: no conditions."
+            "The longest unseen job to assume, as a multiple of the mean. If such jobs would miss a threshold, it is "
+            "met on a condition and marked `*`. 1 means no conditions."
         ),
     ] = 20
     precision: Annotated[
@@ -461,20 +462,23 @@ class Policy:
     ] = DEFAULT_LOADS
     minimise: Annotated[
         Minimise,
-        Key("`combining`: combine few components; `reservation`: reserve little processor time."),
+        Key(
+            "The objective of tuning: `combining` for the fewest combined components, or `reservation` for the least "
+            "reserved processor time."
+        ),
     ] = Minimise.COMBINING
     headroom: Annotated[Headroom, Key("The use of unreserved processor time: `by_criticality`, `equal` or `none`.")] = (
         Headroom.BY_CRITICALITY
     )
     max_disruption: Annotated[
         Disruption,
-        Key("The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`."),
+        Key("The largest disruption that a change may cause: `live`, `partition_stop`, `host_restart` or `removal`."),
     ] = Disruption.HOST_RESTART
     measuring: Annotated[MeasuringLimits, Key("The limits of measurements.")] = MeasuringLimits()
     unused: Annotated[
         Unused,
         Key(
-            "Partitions on Hyper-V that are not in the manifest now: `keep` them stopped, or `remove` them, "
+            "Partitions on Hyper-V that are no longer in the manifest: `keep` them stopped, or `remove` them, "
             "which needs `max_disruption: removal`. On other hosts they are always removed, because they "
             "hold no data."
         ),

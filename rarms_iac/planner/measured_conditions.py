@@ -32,8 +32,8 @@ def other_governor(seen: SeenHost, measured: Sequence[Measured], places: Places)
     governors = tuple(sorted({each for _, found in others for each in found} - {now}))
     yield planning_findings.OTHER_GOVERNOR.of_host(
         seen.name,
-        "{host} uses the governor {governor}; {components:all} {_were} measured with {_measured}. Jobs may take longer "
-        "or shorter than measured.",
+        "{host} uses the governor {governor}; {components:all} {_were} measured with {_measured}. Jobs may take more "
+        "or less time than measured.",
         prose(
             f"Set the governor {governors[0]} on {seen.name}. Or measure again: ",
             command("measure", *components, again=True),

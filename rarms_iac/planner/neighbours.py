@@ -79,7 +79,7 @@ def _member_findings(
             places.key("components", member.name, "apt", tails[0]),
             (
                 "{indexes:all} of {component} depends on the {other_partitions:other partition} on {host}: "
-                "their work within {window_ms:ms} changes it."
+                "their work within a window of {window_ms:ms} changes it."
             ),
             prose("Prove it in the applied layout: ", command("prove"), "."),
             address=f"component/{member.name}",

@@ -2,7 +2,7 @@
 
 from rarms_iac.model.diagnostics import Finding
 
-CONTRADICTION = Finding.warning("RARMS306", "A compound contradicts what the proof assumes")
+CONTRADICTION = Finding.warning("RARMS306", "A compound contradicts an assumption of the proof")
 
 UNABLE = Finding.error("RARMS305", "Unable to reduce total CPU reservation by combining CoIs")
 

@@ -57,7 +57,7 @@ def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[i
     if group.headroom is Headroom.NONE and not group.has_apt and reserve:
         return reserve, "policy.headroom is none, and it has no measured APT that a limit would change"
     why = "a limit would make its measurements invalid" if group.has_apt else "no limit is set"
-    return OPEN, f"left open: {why}"
+    return OPEN, f"no limit: {why}"
 
 
 def limit_in_manifest(group: Group, host: Host, processors: int) -> int | None:

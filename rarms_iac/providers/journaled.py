@@ -127,7 +127,7 @@ class JournaledHost:
         machine = operation.machine if isinstance(operation, RestorePartition) else None
         is_taken = any(partition.id == machine for partition in state.partitions)
         if is_taken or resolve(state.partitions, operation.partition, scope):
-            raise HostRefused(self.name, f"a partition {operation.partition} exists already", PLAN_AGAIN)
+            raise HostRefused(self.name, f"a partition {operation.partition} already exists", PLAN_AGAIN)
 
     def _serials(self) -> Mapping[str, int]:
         with report_damage(self.name, self._journal_path):

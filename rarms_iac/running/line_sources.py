@@ -119,7 +119,7 @@ class SocketLines:
             self._listening.setblocking(False)
         except OSError as problem:
             self._listening.close()
-            advice = "Its folder has to exist, and its path may have about 100 characters."
+            advice = "Its folder must exist, and its path can have at most about 100 characters."
             raise CannotStart(component, f"its socket {path}: {reason_of(problem)}", advice) from problem
 
     def read(self, take: Take) -> None:

@@ -159,7 +159,7 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int, re
             return (*several, str(threads or processors), "", *python, "-c", BUSY_LOOP)
         case Bursts(duty=None) if reserve is None:
             raise CannotStart(
-                name, "it uses the reservation of its partition, but there is none here: give the load a `duty`"
+                name, "it uses the reservation of its partition, but there is no partition here: give the load a `duty`"
             )
         case Bursts(threads=threads):
             cycle = load.cycle(reserve or 0.0)

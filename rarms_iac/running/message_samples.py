@@ -157,7 +157,7 @@ class _MessageReader:
         while not self._listen() or self._no_master:
             waited = time.perf_counter() - began
             if self._no_master and waited >= MASTER_S:
-                reason = f"the ROS master at {self._no_master} is not there"
+                reason = f"the ROS master at {self._no_master} does not answer"
                 raise CannotStart(self._supervisor.name, reason, NO_MASTER)
             if waited >= START_S:
                 return

@@ -257,7 +257,7 @@ def _moments(
 
 def _too_dependent(count: int, effective: float) -> str:
     needed = f"a bound needs {min(FEWEST_EFFECTIVE, -(-count // 2))}"
-    return f"its {count} samples depend on one another and are worth {effective:.0f} independent ones; {needed}"
+    return f"its {count} samples depend on one another and count as {effective:.0f} independent ones; {needed}"
 
 
 def _bound(moments: _Moments, effective: float, error: float, *, side: float) -> float:

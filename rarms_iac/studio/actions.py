@@ -205,7 +205,7 @@ class ProveAction(Action):
         transcript.findings(outcome.findings, hosts.manifest.sources)
         transcript.say(proof_text(outcome.proofs))
         if outcome.not_proven:
-            transcript.message(f"Not proven, since they are on other hosts: {in_a_row(outcome.not_proven)}.")
+            transcript.message(f"Not proven, because they run on other hosts: {in_a_row(outcome.not_proven)}.")
         return "failed" if outcome.findings else "done"
 
 

@@ -245,5 +245,5 @@ def bind(port: int) -> socket.socket:
         bound.listen(MOST_ACCEPTED)  # now: two sockets may be bound to a port as long as neither listens
     except OSError as error:
         bound.close()
-        raise RequestError(f"Port {port} cannot be taken: {reason_of(error)}. Choose another with --port.") from error
+        raise RequestError(f"Port {port} cannot be used: {reason_of(error)}. Choose another with --port.") from error
     return bound

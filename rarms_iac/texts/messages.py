@@ -36,7 +36,7 @@ def last_words(said: str, code: int | None = None) -> str:
     if code is None:
         return "without a reason"
     ended = f"signal {-code} ended it" if code < 0 else f"it ended with exit code {code}"
-    return f"{ended}, without a reason"
+    return f"{ended} and gave no reason"
 
 
 _IGNORED = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u2800\u3164\uffa0")

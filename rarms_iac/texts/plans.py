@@ -146,7 +146,7 @@ def _task_text(operation: TaskOperation) -> str:
         case WriteTaskRecord():
             return "record it as managed, with its earlier values"
         case EraseTaskRecord():
-            return "delete its record: rarms does not manage it any more"
+            return "delete its record: rarms no longer manages it"
         case _:
             assert_never(operation)
 

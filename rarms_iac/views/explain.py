@@ -47,7 +47,7 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     if facts.beside:
         yield f"Other components in the partition: {', '.join(facts.beside)}."
     yield (
-        "Use the section for the kind of the host. Lower other reserves before you raise this one, so "
+        "Use the section for your kind of host. Lower other reserves before you raise this one, so "
         "that the sum never exceeds the host."
     )
     yield ""

@@ -138,7 +138,7 @@ def _afterwards(totals: HostTotals) -> Iterator[str]:
     yield f"Memory: {_describe_memory(totals)}."
     if promised.idle_percent or promised.idle_memory:
         idle = f"{show_processors(promised.idle_lp)} and {show_bytes(promised.idle_memory)}"
-        yield f"Of these, {idle} are reserved for partitions that do not run."
+        yield f"Of these, {idle} are reserved for partitions that are off."
 
 
 def _describe_memory(totals: HostTotals) -> str:
@@ -218,7 +218,7 @@ def _stated(part: HostPlan, *, verbose: bool) -> "Iterator[RenderableType]":
         name, holds = unused.name, describe_held(unused)
         yield paragraph(
             prose(
-                f"partition/{name} is not in the manifest now and is stopped{holds}. Remove it with ",
+                f"partition/{name} is no longer in the manifest and is stopped{holds}. Remove it with ",
                 part.commands[name],
                 ".",
             ),
@@ -403,7 +403,7 @@ def _threads(part: HostPlan) -> "Iterator[RenderableType]":
     changes = any(change.address.task for change in part.changes) or any(".guest." in name for name in part.scripts)
     if not changes or not part.threads:
         return
-    yield "  Thread priorities, once its Windows has started again:"
+    yield "  Thread priorities, after its Windows has restarted:"
     rows = [
         (
             f"partition/{thread.inside}" if thread.inside else "the host itself",

@@ -84,7 +84,7 @@ def refine_question(written: Selection) -> Question:
     named = in_a_row([f"{below} and {reserve} % of its VPs" for below, reserve in gaps])
     return Question(
         text=f"Nothing between {named} was measured. Search there?",
-        help_text="y searches the smallest reservation there; n uses the measured settings; q ends.",
+        help_text="y searches for the smallest reservation there; n uses the measured settings; q ends.",
     )
 
 
@@ -112,8 +112,8 @@ def attach_question(components: Sequence[str]) -> Question:
     runs, pronoun = ("runs", "it") if len(components) == 1 else ("run", "them")
     return Question(
         text=(
-            f"{in_a_row(components)} {runs} already. Limit {pronoun} while measuring, and restore the "
-            "settings afterwards?"
+            f"{in_a_row(components)} already {runs}. Limit {pronoun} while measuring, and restore the settings "
+            f"afterwards?"
         ),
         help_text="y limits it to the reservation of each setting; n does not measure; q ends.",
     )

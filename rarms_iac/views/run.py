@@ -190,10 +190,10 @@ class RunProgress(RunReporter):
         steps = counted(partition.done, "step")
         if partition.total > partition.done:
             steps = f"{partition.done} of {counted(partition.total, 'step')}"
-        status = f"{steps} in {show_seconds(partition.took)}" if partition.changed else f"{steps}, as wanted already"
+        status = f"{steps} in {show_seconds(partition.took)}" if partition.changed else f"{steps}, already as planned"
         if self._live is not None and partition.row is not None:
             self._live.stop_task(partition.row)
-            self._live.update(partition.row, status="done" if partition.changed else "as wanted already", refresh=True)
+            self._live.update(partition.row, status="done" if partition.changed else "already as planned", refresh=True)
         else:
             self._write(f"  {partition.described}: {status}")
         del self._partitions[partition.name]

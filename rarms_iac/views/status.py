@@ -78,7 +78,7 @@ def _work_of_holder(host: HostOverview) -> str:
 
 def _nothing_left(overview: Overview) -> str:
     proven = "every threshold was proven" if overview.has_thresholds else "no component has a threshold to prove"
-    return f"All is applied, and {proven}."
+    return f"Everything is applied, and {proven}."
 
 
 def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":

@@ -157,7 +157,7 @@ def tuning_text(tuning: PlatformTuning) -> str:
     result = f"{before} became {after}" if run.before != run.after else before
     result += f", the capacity is {capacity}"
     proof = "".join(f" {sentence}" for sentence in describe_proof(run))
-    broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
+    broken = f" Nothing is proven: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was not changed."
     ending = (run.message or run.ending.replace("_", " ")).capitalize()
     outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())

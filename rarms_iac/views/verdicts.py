@@ -254,7 +254,7 @@ def describe_conditions(conditions: Iterable[Condition], *, verbose: bool) -> st
     parts = "; ".join(f"{component}: {' and '.join(said)}" for component, said in by_component.items())
     if not parts:
         return ""
-    return f"{CONDITIONAL} Met if jobs that no sample showed are rare{f'. {parts}' if verbose else ' (see -v)'}."
+    return f"{CONDITIONAL} Met if unseen slow jobs are rare{f'. {parts}' if verbose else ' (see -v)'}."
 
 
 def _strictest(one: Condition, other: Condition) -> Condition:

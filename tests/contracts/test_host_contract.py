@@ -453,7 +453,7 @@ def test_plan_knows_only_its_own_pending_machine(room: Room) -> None:
 
     assert host.read(VISION, SCOPE)["exists"] is True
     assert host.read(VISION, other) == NOTHING
-    assert re.search("a partition vision exists already", refusal_of(host, creation()))
+    assert re.search("a partition vision already exists", refusal_of(host, creation()))
 
 
 def test_marked_and_pending_machine_are_one_too_many(room: Room) -> None:

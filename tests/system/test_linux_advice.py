@@ -74,7 +74,7 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
 
     assert groups_of(folder).names() == ("eyes",)
     assert "starts them" not in run(folder, "doctor")
-    assert f"Started below {slice_of(folder)}: none, as none was off." in run(folder, "start", "--boot")
+    assert f"Started below {slice_of(folder)}: none, because none was off." in run(folder, "start", "--boot")
 
 
 @pytest.mark.alone  # other tests' deadlines take from what the kernel admits

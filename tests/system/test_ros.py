@@ -126,7 +126,7 @@ def test_missing_master_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     program.write_text("open('started', 'w')\n", encoding="utf-8")
     run = a_run((SYSTEM_PYTHON, str(program)), samples=MESSAGES, until=12, timeout=300)
 
-    with pytest.raises(CannotStart, match=f"the ROS master at {uri} is not there"):
+    with pytest.raises(CannotStart, match=f"the ROS master at {uri} does not answer"):
         heard(run, tmp_path, {**os.environ, "ROS_MASTER_URI": uri})
 
     assert not (tmp_path / "started").exists(), "the node does not start"

@@ -8,7 +8,7 @@ from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, ProcessorKind, RunState, Tie
 from rarms_iac.model.wording import counted, in_a_row
 
-UNFIT_MACHINE = Finding.warning("RARMS245", "A machine is not as rarms needs it")
+UNFIT_MACHINE = Finding.warning("RARMS245", "A machine may fail to start, stop or be measured")
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
 UNEQUAL = Finding.warning("RARMS405", "The logical processors of a host are unequal")
 
@@ -45,8 +45,8 @@ def check_unequal_processors(host: SeenHost) -> Iterator[Diagnostic]:
     if kinds:
         yield UNEQUAL.of_host(
             host.name,
-            "The logical processors of {host} are of {_kinds} kinds: {_words}. A measurement on one kind "
-            "does not hold on the other.",
+            "The logical processors of {host} are of {_kinds} kinds: {_words}. A measurement on one kind is not valid "
+            "on the other.",
             "Turn SMT off, or turn off the processors of one kind in the firmware or the operating system; then "
             "measure again. Otherwise raise the reserves until `rarms prove` passes.",
             processors=tuple(str(kind.processors) for kind in kinds),

@@ -21,7 +21,7 @@ MINROOT = Finding.note("RARMS243", "The host's own Windows has fewer processors 
 UNREAD_PROBE = Finding.note("RARMS249", "A part of the host could not be read")
 
 NOT_ELEVATED = Finding.warning("RARMS319", "The user may not change the host")
-LITTLE_MEMORY = Finding.warning("RARMS320", "The host's free memory does not start its partitions")
+LITTLE_MEMORY = Finding.warning("RARMS320", "The host has too little free memory to start its partitions")
 NO_COUNTERS = Finding.warning("RARMS321", "The hypervisor's counters are missing")
 SCRIPT_RUNNING = Finding.warning("RARMS323", "A script of rarms is running on the host")
 
@@ -148,7 +148,7 @@ def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
     elif value.kind is not ValueKind.DWORD:
         problem = f"{quoted(value.data)}, of the type {value.kind.value} and not dword"
     elif value.data != effective:
-        problem = f"{value.data}, which Windows takes for {effective}"
+        problem = f"{value.data}, which Windows treats as {effective}"
     else:
         return
     yield RESPONSIVENESS_VALUE.of_host(
@@ -230,7 +230,7 @@ def check_execution_policy(host: SeenHost) -> Iterator[Diagnostic]:
         if scope is not PolicyScope.PROCESS and policies.get(scope, "Undefined") != "Undefined"
     ]
     if policies and not scopes and host.state.facts.client:
-        problem = "no scope sets an execution policy, and a client Windows then runs no scripts"
+        problem = "no scope sets an execution policy, so a client Windows runs no scripts"
         yield _policy_finding(host, problem, is_group_policy=False)
     elif scopes and policies[scopes[0]] in _FORBIDDING_POLICIES:
         problem = f"the execution policy of {scopes[0].value} is {policies[scopes[0]]}"
@@ -269,8 +269,8 @@ def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
         yield LACKS.of_host(
             host.name,
             (
-                "{host} was read with a PowerShell of {bits} bits. Windows shows it another part of the "
-                "registry, so the task classes are wrong."
+                "{host} was read with a {bits}-bit PowerShell. It sees another part of the registry, so the task "
+                "classes are wrong."
             ),
             "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
             "SysWOW64 or of a 32-bit program.",

@@ -26,8 +26,8 @@ DISKS_STAY = Finding.note("RARMS224", "A removed machine leaves its disks behind
 NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be undone")
 NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
-DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
-STARTS_WITH_HOST = Finding.note("RARMS407", "A start with the host gets no larger reservation")
+DISK_STAYS = Finding.warning("RARMS254", "A virtual disk is kept although its removal was requested")
+STARTS_WITH_HOST = Finding.note("RARMS407", "A partition that starts with its host gets no starting reservation")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
 
 
@@ -241,9 +241,8 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
         if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
                 request.places.key(request.system.section_of(partition.name), partition.name),
-                '"{partition}" is limited to {limit_percent} % of each of its VPs, and its reserve needs '
-                "{reserve_percent} % of each: the plan raises the limit to that, and the partition never "
-                "gets more.",
+                '"{partition}" has a limit of {limit_percent} % of each of its VPs, but its reserve needs '
+                "{reserve_percent} %. The plan raises the limit to the reserve, and the partition never gets more.",
                 "Raise the limit or remove it: measurements without a limit are valid only without one.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,

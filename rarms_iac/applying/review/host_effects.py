@@ -48,7 +48,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
             desired.host,
             (
                 "The core scheduler of {host} runs one machine on a core at a time. The reservation of {_names} "
-                "leaves as much idle again, because the number of virtual processors is odd or the machine does "
+                "leaves the same amount idle, because the number of virtual processors is odd or the machine does "
                 "not use SMT."
             ),
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
@@ -105,8 +105,8 @@ def review_memory_left(seen: SeenHost, changes: Sequence[Change]) -> Iterator[Di
         if change.address in more and most < memory <= largest:
             yield NO_MEMORY_LEFT.at(
                 change.reason.place,
-                "{partition} needs {_show_bytes} on one NUMA node to start. The node of {host} with most "
-                "memory left has {_show_bytes_}, and NUMA spanning is off.",
+                "{partition} needs {_show_bytes} on one NUMA node to start. The node of {host} with the most free "
+                "memory has {_show_bytes_}, and NUMA spanning is off.",
                 "Stop other machines there and plan again, give the partition less `memory`, or allow spanning "
                 "(`Set-VMHost -NumaSpanningEnabled $true`, then restart the service vmms).",
                 address=str(change.address),

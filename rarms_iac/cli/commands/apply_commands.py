@@ -136,7 +136,7 @@ class UndoOptions:
     """Options of `rarms undo` alone."""
 
     keep: bool = flag(
-        "--keep", help="Keep the values of the manifest that the apply restored after a change by another tool."
+        "--keep", help="Keep the manifest's values that the apply restored after another tool had changed them."
     )
 
 
@@ -157,7 +157,7 @@ def undo_command(
         if keep:
             refuse_keeping(applies)
         if not (how.auto_approve or session.terminal.answers):
-            raise RequestError("rarms cannot ask: standard input is not a terminal. Give --auto-approve.")
+            raise RequestError("rarms cannot ask: standard input is not a terminal. Use --auto-approve.")
         shown = _show_undo(session, applies, keep=keep)
         if not how.auto_approve:
             keep = _ask_undo(session, applies, keep=keep)

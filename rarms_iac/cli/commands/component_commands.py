@@ -71,7 +71,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
     if outcome.not_proven:
-        session.terminal.tell(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
+        session.terminal.tell(f"Not proven, because they run on other hosts: {', '.join(outcome.not_proven)}.")
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
@@ -101,7 +101,7 @@ def run_command(
     if become.as_itself:
         if request != RunRequest(components=request.components[:1]) or not request.components or session.as_json:
             raise RequestError(
-                "--exec takes one COMPONENT, and of the other options only --manifest, --overlay and --debug."
+                "--exec takes one COMPONENT, and can be combined only with --manifest, --overlay and --debug."
             )
         become_component(load_manifest(source), request.components[0], FailureReporter(session.terminal))
     manifest = load_manifest(source)

@@ -19,7 +19,7 @@ class ExplainOptions:
     """Options of `rarms explain` alone."""
 
     subject: str = argument("FINDING|COMPONENT")
-    guide: bool = flag("--guide", help="Show how to set COMPONENT up by hand: Hyper-V, MMCSS, Linux, in order.")
+    guide: bool = flag("--guide", help="Show the manual steps for COMPONENT on Hyper-V, in MMCSS and on Linux.")
 
 
 @rarms_command("explain")

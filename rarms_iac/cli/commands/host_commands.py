@@ -101,7 +101,7 @@ class SnapshotOptions:
     """Options of `rarms snapshot` alone."""
 
     out: str | None = option("--out", metavar="PATH", help="A file for one host, or a folder for HOST.json of each.")
-    script: bool = flag("--script", help="Write the script that reads a Hyper-V host or a guest, to be run there.")
+    script: bool = flag("--script", help="Write the script that reads a Hyper-V host or a guest. Run it there.")
 
 
 @rarms_command("snapshot", json=False)

@@ -55,7 +55,7 @@ class ValidateOptions(OutputOptions):
     """Options of `rarms validate` alone."""
 
     files: tuple[str, ...] = argument("[FILE]...", default=())
-    strict: bool = flag("--strict", help="Exit with code 2 for warnings, too.")
+    strict: bool = flag("--strict", help="Also exit with code 2 for warnings.")
 
 
 @rarms_command("validate")

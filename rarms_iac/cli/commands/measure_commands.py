@@ -159,7 +159,7 @@ def tune_command(
         refuse_standard_input(source)
     stops = options.stops(on_busy_host=request.on_busy_host)
     if options.interactive:
-        refuse_without_terminal(session, source, "Omit --interactive to measure each combination without a question.")
+        refuse_without_terminal(session, source, "Omit --interactive to measure each combination without asking.")
     hosts = select_hosts(load_manifest(source), host_selection)
     prompt = TerminalTuningPrompt(session, asks=options.interactive)
     try:

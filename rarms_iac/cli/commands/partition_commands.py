@@ -81,7 +81,7 @@ def _start_after_boot(session: Session, which: Partitions, how: PlanRunOptions) 
         session.terminal.data(json_of(result))
     else:
         for name, partitions in result.started.items():
-            session.terminal.tell(f"Started below {name}: {', '.join(partitions) or 'none, as none was off'}.")
+            session.terminal.tell(f"Started below {name}: {', '.join(partitions) or 'none, because none was off'}.")
     return ExitCode.DONE
 
 

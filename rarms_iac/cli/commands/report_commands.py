@@ -149,7 +149,9 @@ class StudioOptions:
     port: int | None = option(
         "--port", metavar="N", least=1, most=65535, help="The port on the loopback interface. [default: any free port]"
     )
-    no_open: bool = flag("--no-open", help="Print the address instead of opening a browser. It works for one browser.")
+    no_open: bool = flag(
+        "--no-open", help="Print the address instead of opening a browser. The address works in one browser only."
+    )
     read_only: bool = flag("--read-only", help="Read only: do not change anything.")
 
 

@@ -51,7 +51,7 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
                 ("hosts", host.name, "keep_for_host"),
                 '{components} may run on "{host}" itself, but `keep_for_host` keeps {_lacks}. Partitions '
                 "may get all the rest.",
-                f"Write `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}` with what they need.",
+                f"Keep what they need: `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}`.",
                 components=tuple(component.name for component in here),
                 keeps_memory_bytes=host.keep_for_host.memory,
                 needs_memory_bytes=memory,
@@ -102,7 +102,7 @@ def not_by_winrm(host: Host) -> Iterator[Violation]:
     if host.provider is ProviderKind.LINUX:
         yield violation(
             (*path, "winrm"),
-            '"{host}" is a Linux host, and WinRM reaches Windows only.',
+            '"{host}" is a Linux host, but WinRM works with Windows only.',
             "Write `connect: {ssh: user@host}`.",
             at_key=True,
             provider=host.provider.value,
@@ -112,7 +112,7 @@ def not_by_winrm(host: Host) -> Iterator[Violation]:
         missing = "user" if host.connect.user is None else "password"
         yield violation(
             path,
-            '`connect` of "{host}" has no `{missing}`: WinRM takes user and password, or neither of them.',
+            '`connect` of "{host}" has no `{missing}`: WinRM needs both user and password, or neither.',
             f"Write `{missing}`, or leave out both to use the Kerberos ticket.",
             at_key=True,
             missing=missing,
@@ -200,7 +200,7 @@ def _path_problem(path: str) -> str:
     if not _ABSOLUTE.match(path):
         return "does not begin with a drive or a share. It would depend on the folder where a script starts"
     if found := _NOT_IN_A_PATH.search(path):
-        return f"contains {quoted(found.group())}, which Windows allows in no path"
+        return f"contains {quoted(found.group())}, which Windows does not allow in a path"
     if found := _WILDCARD.search(path):
         return f"contains {quoted(found.group())}, which PowerShell reads as a pattern"
     return ""
@@ -247,8 +247,8 @@ def secret_in_clear(system: System) -> Iterator[Violation]:
         if credential is not None and not is_reference(credential):
             yield violation(
                 (*path, "credential"),
-                'The credential of "{name}" looks like the secret itself. The manifest lies in git, where '
-                "others can read it and nothing is deleted.",
+                'The credential of "{name}" looks like the secret itself. The manifest is in git, where others can '
+                "read it and old versions remain.",
                 "Write the name under which the credential is stored: letters, digits and . _ / - only, for "
                 "example `robot/guest`. Change the secret if it was committed.",
                 key="credential",
@@ -268,8 +268,8 @@ def secret_in_environment(component: Component) -> Iterator[Violation]:
         if isinstance(value, str) and value and _SECRET.search(name):
             yield violation(
                 ("components", component.name, "run", *path),
-                'The manifest contains the value of {variable} for "{component}". The manifest lies in '
-                "git, where others can read it.",
+                'The manifest contains the value of {variable} for "{component}". The manifest is in git, where '
+                "others can read it.",
                 f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
                 variable=name,
             )

@@ -20,7 +20,7 @@ from rarms_iac.statistics.distributions import samples_needed
 from rarms_iac.statistics.steady_state import least_setting_ms
 from rarms_iac.texts.messages import Suggestions
 
-TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
+TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than a setting allows")
 
 
 @component_check(MISSING)
@@ -30,14 +30,14 @@ def missing_to_measure(component: Component) -> Iterator[Violation]:
     if is_measured and not component.apt:
         yield violation(
             ("components", component.name, "cpu", "reserve"),
-            'The reserve of "{component}" is the least that meets its APT, but it has no APT.',
+            '"{component}" has `reserve: measured`, but no APT to meet.',
             "Add `apt`, or fix the reserve: `reserve: 20 %`.",
             reserve="measured",
         )
     if is_measured and component.run is None and component.simulation is None:
         yield violation(
             ("components", component.name),
-            'The reserve of "{component}" is to be measured, but the manifest does not say how it is started.',
+            '"{component}" has a measured reserve, but the manifest does not define how to start it.',
             "Add `run` with a command, or `simulation` with its demand on a simulated host.",
             at_key=True,
             reserve="measured",
@@ -92,10 +92,10 @@ def advice_on_weak_loads(
     each = f"for each of the {show_processors(host.logical_processors)}"
     owner = f"components.{members[0]}" if system.components[members[0]].interference else "policy"
     if not could_take_all(system.interference[BUSY_LOOP], host.logical_processors):
-        way = f"Let `interference.{BUSY_LOOP}` be a busy loop without `threads`, so that it has one {each}"
+        way = f"Make `interference.{BUSY_LOOP}` a busy loop without `threads`, so that it has one {each}"
     elif BUSY_LOOP in loads:
         way = (
-            f"`{BUSY_LOOP}` has a thread {each}, but other work, a limit or an affinity kept it from all of "
+            f"`{BUSY_LOOP}` has a thread {each}, but other work, a limit or an affinity kept it from using all of "
             "them. Find the cause"
         )
     elif BUSY_LOOP in system.loads_of(members):
@@ -162,8 +162,8 @@ def index_without_field(component: Component) -> Iterator[Violation]:
         if missing is not None:
             yield violation(
                 ("components", component.name, "apt", name),
-                'The {index} of "{component}" is computed from {_meaning}, but `run.samples` does not say '
-                "where a sample has it.",
+                'The {index} of "{component}" is computed from {_meaning}, but `run.samples` does not name the field '
+                "that has it.",
                 f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
                 at_key=True,
                 index=name,
@@ -211,12 +211,12 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
     index = max(needs, key=lambda name: needs[name], default="")
     needed = needs.get(index, 0)
     facts: Mapping[str, Any] = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
-    subject = 'The {index} of "{component}" needs {needs_samples} samples at least'
+    subject = 'The {index} of "{component}" needs at least {needs_samples} samples'
     if needed > MOST_SAMPLES:
         yield violation(
             (*here, "apt", index),
             f"{subject}, but a setting has at most {{most_samples}}. rarms can never show that it is met.",
-            "Ask for less: a lower percentile, or a share further from all jobs.",
+            "Relax the threshold: use a lower percentile, or a less strict share of jobs.",
             at_key=True,
             most_samples=MOST_SAMPLES,
             **facts,
@@ -224,8 +224,8 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
     elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
         yield violation(
             (*here, "apt", index),
-            f"{subject}. Under its {{loads:load}} together a setting then takes {{takes:duration}} at least, and "
-            "its budget is {budget_ms:duration}.",
+            f"{subject}. A setting with its {{loads:load}} then takes at least {{takes:duration}}, but "
+            "has a budget of {budget_ms:duration}.",
             f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
             at_key=True,
             takes=takes_ms,
@@ -236,10 +236,10 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
         yield violation(
             (*here, "run", "until"),
             (
-                f"{subject}. A search takes as many as it needs; `--from` with `--to`, and `--strategy paper`, "
-                f"end at {{samples}}."
+                f"{subject}. A search takes as many as it needs, but `--from` with `--to` and `--strategy paper` stop "
+                f"at {{samples}}."
             ),
-            f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
+            f"For those, take more: `until: {{ samples: {needed} }}`.",
             related=(((*here, "apt", index), True, "the threshold"),),
             samples=run.until.samples,
             **facts,
@@ -252,8 +252,7 @@ def _outlasts_budget(system: System, component: Component, between: Fraction) ->
     if (lasts := _least_until(run_of(component), between)) > budget:
         yield violation(
             ("components", component.name, "run", "until"),
-            '"{component}" is measured for {takes:duration} before it is judged, and the budget of a '
-            "setting is {budget:duration}: each setting outlasts it.",
+            '"{component}" needs {takes:duration} for `until`, but the budget of a setting is only {budget:duration}.',
             "Lower `until`: a setting continues until its result is clear. Or raise `policy.measuring.setting`.",
             takes=float(lasts),
             budget=float(budget),
@@ -304,8 +303,8 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
         if isinstance(groups, str):
             yield violation(
                 ("components", component.name, "run", "samples", "pattern"),
-                'The pattern of "{component}" cannot be used: {reason}. Patterns are RE2, which always '
-                "matches in short time and has no back-references and no look-around.",
+                'The pattern of "{component}" cannot be used: {reason}. Patterns are RE2, which has no '
+                "back-references and no look-around.",
                 "Write the pattern without them. Named groups are `(?P<name>...)`.",
                 pattern=samples.pattern,
                 reason=groups,

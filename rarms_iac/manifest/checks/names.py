@@ -66,7 +66,7 @@ def older_than_required(system: System) -> Iterator[Violation]:
         yield violation(
             ("application", "requires_rarms"),
             "It requires rarms {requires} or newer, and this is rarms {version}.",
-            "Install a newer rarms, or ask the author of the requirement what it is for.",
+            "Install a newer rarms, or ask the author of the manifest why it needs this version.",
             address="",
             requires=required,
             version=__version__,
@@ -167,7 +167,7 @@ def _kept(system: System) -> Iterator[_Kept]:
     yield _Kept(
         kept={name.lower() for name in system.hosts},
         names=partitions,
-        template='"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
+        template='"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so a '
         "search for the partition may find the host.",
         advice="Rename the host or the partition (the component, if the partition has no entry).",
         at="partition",
@@ -231,7 +231,7 @@ def moved_nowhere(system: System) -> Iterator[Violation]:
             yield violation(
                 ("moved", old),
                 "{_circle}: {_reason}.",
-                "Let each entry lead from a name that the manifest no longer has to a name that it has.",
+                "Each entry renames a name that is no longer in the manifest to a name that is in it.",
                 at_key=True,
                 address=f"partition/{old}",
                 names=tuple(names),
@@ -277,7 +277,7 @@ def no_components(system: System) -> Iterator[Violation]:
     if not system.components:
         yield violation(
             ("components",),
-            "The manifest describes no component. A plan would stop every partition that rarms created before.",
+            "The manifest has no components. A plan would stop every partition that rarms created before.",
             prose("Add a component. To remove everything, use ", command("destroy"), "."),
             address=f"application/{system.application.name}",
         )
@@ -292,7 +292,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
             yield violation(
                 ("interference", name),
                 'Neither `policy.interference` nor a component names "{interference}".',
-                "Name it, or remove it. Leave it if you only measure with it by hand.",
+                "Use it in one of them, or remove it. Keep it if you use it only with `rarms measure --interference`.",
                 at_key=True,
             )
 
@@ -368,6 +368,6 @@ def unused_task(system: System) -> Iterator[Violation]:
             yield violation(
                 ("tasks", name),
                 "No component has `task: {task}`. Nothing would run in this class.",
-                "Write it at a component, or remove the class.",
+                "Add it to a component, or remove the class.",
                 at_key=True,
             )

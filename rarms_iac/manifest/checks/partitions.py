@@ -24,9 +24,9 @@ from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memor
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
-ON_HOST = Finding.error("RARMS046", "A component that runs on the host has a partition or its settings")
+ON_HOST = Finding.error("RARMS046", "A component that runs on the host has partition settings")
 
-CONTRADICTION = Finding.error("RARMS049", "Components cannot share a partition as the manifest says")
+CONTRADICTION = Finding.error("RARMS049", "The rules for sharing a partition contradict each other")
 
 
 _MEBIBYTE = 2**20

@@ -243,8 +243,8 @@ def held_back(system: System) -> Iterator[Violation]:
         if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
             yield violation(
                 (section, name, "cpu", "weight"),
-                "{_subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve "
-                "it waits for others, and no measurement shows this.",
+                "{_subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve it gets "
+                "less time than others, and measurements do not show this.",
                 "rarms keeps this weight. Remove it if you do not need it.",
                 component=with_apt[0],
                 weight=cpu.weight,
@@ -287,7 +287,7 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
     said = in_a_row([f"{component.name} ({component.criticality})" for component in (first, *others)])
     yield violation(
         ("components", first.name, "criticality"),
-        "{_said} all get the weight {weight}, the highest there is: a weight is {usual_weight} times the criticality.",
+        "{_said} all get the maximum weight of {weight}: a weight is {usual_weight} times the criticality.",
         f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
         "`cpu: { weight: 5000 }`.",
         related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
@@ -364,9 +364,9 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
         wanted, rounded, _ = _rounded(cpu, host, fixed, components)
         yield violation(
             (section, name, "cpu", "reserve"),
-            '"{name}" reserves {reserve}, and gets {given} on "{host}": a host gives whole per cent of '
-            "each virtual processor.",
-            "Give it fewer `processors`: then less is rounded up.",
+            '"{name}" reserves {reserve}, and gets {given} on "{host}": reserves are whole per cent of each virtual '
+            "processor.",
+            "Use fewer `processors`, so that less is rounded up.",
             name=name,
             reserve=show_processors(wanted),
             given=show_processors(rounded),

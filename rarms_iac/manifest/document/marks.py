@@ -61,7 +61,10 @@ FORMS: dict[str, tuple[str, str]] = {
     Form.CALL: ("a function", "Write module:function, as in components.path_planning:plan."),
     Form.SSH: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
     Form.HOST: ("the name of a host", "Write its name or address, for example cell.plant.example."),
-    Form.SSH_FILE: ("a file of ssh", "Write its path, without quotes; letters, digits, blanks and ~/._%+:@- fit."),
+    Form.SSH_FILE: (
+        "a file of ssh",
+        "Write its path without quotes; letters, digits, blanks and ~/._%+:@- are allowed.",
+    ),
     Form.ABSOLUTE_FOLDER: ("an absolute path", "Write the whole path on the robot, as in /opt/robot."),
     Form.SLICE: (
         "the name of a control group",

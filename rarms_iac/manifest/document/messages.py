@@ -132,7 +132,7 @@ def _unknown_key(error: StructureError) -> Diagnostic:
     known = shape_at(tuple(around)).keys
     advice = question(did_you_mean(str(key), known)) or f"The keys allowed here are {', '.join(known)}."
     if str(key)[:1].isdigit():  # of `{ at_most: 0,1 s }` YAML makes two keys
-        advice = "Write a decimal point where a comma is meant: { at_most: 0.1 s }."
+        advice = "Write a decimal point instead of a comma: { at_most: 0.1 s }."
     return UNKNOWN_KEY.at(
         error.places.key(*error.path),
         "{path}: the key {_show} is unknown here.",
@@ -171,9 +171,9 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
     elif needed == "a map" and (maps := _maps_with(error.path, error.value)):
         advice = f"Write {maps}."
     elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
-        advice = f'Put it into quotes: "{_show_written(error)}".'
+        advice = f'Put it in quotes: "{_show_written(error)}".'
     elif error.kind == "int_type" and isinstance(error.value, str) and re.fullmatch(r"[0-9]{1,15}", error.value):
-        advice = f"Take away the quotes: {error.value}."
+        advice = f"Remove the quotes: {error.value}."
     return _wrong(error, "{path} must be {needed}, but it is {_kind}.", advice, needed=needed)
 
 
@@ -245,18 +245,20 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
         return ", which is not a number with a unit", ""
     if comma := re.fullmatch(r"(\d+),(\d+) ?([A-Za-z%/]+)", text[:100].strip()):
         whole, decimals, unit = comma.groups()
-        return ", but the decimal sign is a point", question(f"{whole}.{decimals} {nearest_unit(unit, units) or unit}")
+        return ", but the decimal separator is a point", question(
+            f"{whole}.{decimals} {nearest_unit(unit, units) or unit}"
+        )
     number, unit = match.groups()
     if not unit:
         return ", a number without a unit", _amount_meant(number, units)
     if unit == "m" and "LP" in units:  # Kubernetes: thousandths of a processor
-        return ', but "m" is not a unit that fits', question(f"{plain(Fraction(number) / 1000)} LP")
+        return ', but "m" is not a valid unit here', question(f"{plain(Fraction(number) / 1000)} LP")
     if unit not in units:
         better = nearest_unit(unit, units)
         if not better:
-            return f", but {_show(unit)} is not a unit that fits", ""  # the advice lists those that fit
+            return f", but {_show(unit)} is not a valid unit here", ""  # the advice lists those that fit
         fitting = ", ".join(units)
-        return f", but {_show(unit)} is not a unit that fits. Units that fit are {fitting}", question(
+        return f", but {_show(unit)} is not a valid unit here. Valid units are {fitting}", question(
             f"{number} {better}"
         )
     if positive and not number.strip("0."):
@@ -286,7 +288,7 @@ def not_a_robot(file: str, robot: str) -> Diagnostic:
     better = _as_name(robot)
     return WRONG_VALUE.at(
         Place(file=file, line=1, column=1),
-        "The last overlay's file gives the robot its name, and {_show} is not {_shown}.",
+        "The robot has the name of the last overlay's file, and {_show} is not {_shown}.",
         f"Rename the file. {FORMS[NAME_PATTERN][1]} {question(better)}".rstrip(),
         file=file,
         robot=robot,

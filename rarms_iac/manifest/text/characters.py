@@ -179,7 +179,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     (
         "mapping values are not allowed",
         "A colon is in a place where no key can be.",
-        "Put a text that holds ': ' into quotes, or check the indentation of this line.",
+        "Put a text that contains ': ' in quotes, or check the indentation of this line.",
     ),
     (
         "could not find expected ':'",
@@ -189,7 +189,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     (
         "found character that cannot start any token",
         "This character cannot start a value.",
-        "Put the value into quotes; indent with spaces, not with tabs.",
+        "Put the value in quotes; indent with spaces, not with tabs.",
     ),
     ("found a tab character", "A tab is in a place where indentation is expected.", "Indent with spaces."),
     (
@@ -244,17 +244,17 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
         "There is more text after the end of the document.",
         "Check the indentation of this line.",
     ),
-    ("undefined tag handle", "rarms does not read tags (!name).", "Remove the tag: a field knows its own type."),
+    ("undefined tag handle", "rarms does not read tags (!name).", "Remove the tag: the type of each field is fixed."),
     (
         "did not find expected alphabetic or numeric character",
         "rarms does not read anchors (&name) and aliases (*name).",
-        "Put a text that starts with & or * into quotes.",
+        "Put a text that starts with & or * in quotes.",
     ),
     ("incompatible YAML document", "rarms reads YAML 1.2.", "Remove the line that starts with %YAML."),
     (
         "chomping or indentation indicator",
         "There is text after | or > that is not allowed there.",
-        "Start the text on the next line, or put it into quotes.",
+        "Start the text on the next line, or put it in quotes.",
     ),
 )
 """What the parser says, and the same as (detail, advice) for a user."""

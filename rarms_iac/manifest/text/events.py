@@ -246,7 +246,7 @@ class _Pass:
         if event.anchor is not None:
             self.refuse(event, "anchors (&name)", "Remove it, and write the value in every place that needs it.")
         if event.tag is not None:
-            self.refuse(event, "tags (!name)", "Remove the tag: a field knows its own type.")
+            self.refuse(event, "tags (!name)", "Remove the tag: the type of each field is fixed.")
 
     def refuse(self, event: Any, refused: str, advice: str) -> None:
         if not self.is_shown_enough(refused):
@@ -274,7 +274,7 @@ class _Pass:
         return [
             NOT_YAML.at(
                 replace(later, path=dotted(path)),
-                "{path} is here and on line {first_line}.",
+                "{path} is also on line {first_line}.",
                 "Remove one of the two.",
                 related=(Related(place=places.key(*path), message="the first one"),),
                 path=dotted(path),
@@ -285,7 +285,7 @@ class _Pass:
 
     def not_representable(self, event: ScalarEvent, problem: NotRepresentable) -> None:
         if not self.is_shown_enough("number"):
-            advice = "Write another number, or put it into quotes if it is a text."
+            advice = "Write another number, or put it in quotes if it is a text."
             self.problems.append(
                 NOT_YAML.at(
                     self.place(event, len(event.value)),
@@ -304,7 +304,7 @@ class _Pass:
     def not_a_key(self, event: Any) -> Diagnostic:
         return NOT_YAML.at(
             self.place(event),
-            "A map or a list is in the place of a key. A key must be a text.",
+            "A map or a list cannot be a key. A key must be a text.",
             "Write a name followed by a colon.",
             refused="a map or a list for a key",
         )

@@ -76,10 +76,10 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
                 place, "{file} is {kind}.", "Name a file, or - for standard input.", file=file, kind=kind
             )
         case TooLarge():
-            advice = "Check that it is the manifest, or move what differs between machines into overlays."
+            advice = "Check that it is the manifest, or move the differences between machines into overlays."
             return NOT_READ.at(
                 place,
-                "{file} has more than 8 MiB, the largest size of a manifest.",
+                "{file} is larger than 8 MiB, the limit for a manifest.",
                 advice,
                 file=file,
                 most_bytes=8 * 2**20,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SLACK = 2
 """Points of CR by which a compound on several processors may need less than a part of it."""
 
-ASSUMED = f"a compound needs at least what any part of it needs (within {SLACK} % of its VPs)"
+ASSUMED = f"a compound needs at least as much as each of its parts, within {SLACK} % of its VPs"
 
 EXACT_UP_TO = 12
 """CoIs of which every compound is considered; of more, the compounds of the least critical ones."""
@@ -251,7 +251,7 @@ def _contradictions(
                 needs = named(compound_of(candidates.members(part)).members)
                 yield Contradiction(
                     members=candidate.coi.members,
-                    message=f"{named(candidate.coi.members)} meets its thresholds with less than {needs} needs",
+                    message=f"{named(candidate.coi.members)} needs less than its part {needs}",
                 )
                 break
 

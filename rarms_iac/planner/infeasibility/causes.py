@@ -220,7 +220,7 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
 
 
 def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
-    """Write as: FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise."""
+    """Write as: FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP for partitions."""
     exceeded = _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free_on(conflict.bins).percent)
     if len(conflict.bins) > 1:
         return exceeded
@@ -265,11 +265,11 @@ def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
 def _sum_exceeds(
     conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str], free: int
 ) -> str:
-    """Write as: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise. `free` has the unit of needs."""
+    """Write as: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB for partitions. `free` has the unit of needs."""
     hosts = list_names((host.name for host in conflict.bins), MOST_NAMES)
     verb = "has" if len(conflict.bins) == 1 else "have"
     together = _all_together(conflict, problem, need, show)
-    return f"{_needs(conflict, need, show)}; {hosts} {verb} {show(free)} to promise.{together}"
+    return f"{_needs(conflict, need, show)}; {hosts} {verb} {show(free)} for partitions.{together}"
 
 
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
@@ -284,7 +284,7 @@ def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], i
         return ""
     names = sorted((item.name for item in others), key=natural_order)
     in_all = sum(map(need, [*conflict.items, *others]))
-    return f" With {list_names(names, MOST_NAMES)}, it is {show(in_all)} in all."
+    return f" With {list_names(names, MOST_NAMES)}, the total is {show(in_all)}."
 
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:

@@ -93,7 +93,7 @@ def _group_of_unit(component: str, title: str, group: Path) -> Path:
     """
     for part in (*reversed(group.parents), group):
         if part.name.startswith(_MANAGER_OF_USER):
-            message = f"{title} belongs to a user's own systemd ({part.name}), which has all services of that user"
+            message = f"{title} belongs to a user's own systemd ({part.name}), which contains all services of that user"
             raise CannotStart(component, message, "Let root start it.")
         if part.suffix in _UNITS:
             return part

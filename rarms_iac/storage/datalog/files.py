@@ -194,7 +194,9 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
     remeasurements: dict[tuple[str, int, str], Remeasurement] = {}
     for number, value in below:
         if value.header not in headers:
-            raise LogUnreadable(path, number, f"the log has no header {quoted(value.header)}, which it names")
+            raise LogUnreadable(
+                path, number, f"the log refers to a header {quoted(value.header)} that it does not have"
+            )
         match value.record:
             case Recorded() as record:
                 _check_members(record, headers[value.header], path, number)

@@ -287,7 +287,7 @@ TRAIL = (
     *_fields("platform", "tuned", "number"),
     Column("components together", in_files="components"),
     Column("reservation", in_files=RESERVE),
-    *_fields("enough", "not met for sure by"),
+    *_fields("enough", "not shown to be met by"),
     Column("predicted", in_files="predicted (% of the partition's VPs)"),
     Column("answer"),
     *_fields("claim"),
@@ -313,7 +313,7 @@ def _trail(tuning: PlatformTuning) -> Iterator[Row]:
             "no" if setting.worse else "yes",
             " ".join(setting.worse),
             None if predicted is None else Cell(text=f"{predicted} % of its VPs", value=predicted),
-            f"not met for sure by {', '.join(setting.worse)}" if setting.worse else "all thresholds met",
+            f"not shown to be met by {', '.join(setting.worse)}" if setting.worse else "all thresholds met",
             run.claim if number == len(run.trail) and run.strategy == "default" else "",
         )
 

@@ -19,7 +19,7 @@
     Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
     Manifest ac71332e2c48, rarms 0.1.0. SHA-256: Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.

@@ -3,7 +3,7 @@
     rarms undo script: plan 180aff4c51e0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
-    task/Games  set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium; delete its record: rarms does not manage it any more
+    task/Games  set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium; delete its record: rarms no longer manages it
     Time: a few seconds for each call. It waits for no guest.
     Only these calls change something (and how often): Remove-TaskRecord 1, Remove-TaskValue 1, Write-TaskValue 7.
 .PARAMETER AsJson
@@ -18,7 +18,7 @@
     Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
     Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
@@ -59,7 +59,7 @@ $plan = {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'delete its record: rarms does not manage it any more' -Undoes 0 -Same @{ robot = '' } -Before @{
+    Add-Step -Action 'delete its record: rarms no longer manages it' -Undoes 0 -Same @{ robot = '' } -Before @{
         record = 'robot'; set = '55e1eaac32c9'
     } -After @{
         empty = $false; record = ''; set = ''

@@ -131,7 +131,7 @@ def test_what_changed_has_the_manifests_own_keys(here: Path) -> None:
 def test_simulated_figures_never_hold_for_real_hosts(before: str, after: str) -> None:
     advice = stale_advice([Changed(part="provider", before=before, after=after)], ("vision",))
 
-    assert str(advice).startswith("Measurements on a simulated host never hold for a real one.")
+    assert str(advice).startswith("Measurements on a simulated host are never valid for a real one.")
     assert [each.text for each in advice.commands] == ["rarms measure vision --again"]
 
 

@@ -47,12 +47,12 @@ def test_rows_lead_from_the_threshold_to_the_reserve(here: Path) -> None:
         "load": "busy-loop (needs the most; bursts-20 and bursts-100 need no more)",
         "mean_response_time at 62 % of its 2 VPs": "97 ms, at worst 97.4 ms: met (2000 samples)",
         "mean_response_time at 61 % of its 2 VPs": "105 ms, at worst 105.5 ms: missed (2000 samples)",
-        "reservation": "1.24 LP (62 % of onboard) (the least whole per cent of its VPs at which every threshold holds)",
+        "reservation": "1.24 LP (62 % of onboard) (the smallest whole per cent of its VPs that meets every threshold)",
         "reserve": "1.24 LP (62 % of its 2 VPs) (whole per cent of its VPs: not rounded)",
         "partition": "vision (alone)",
         "processors": "2 virtual processors (as many as the host has, because its use is not measured yet)",
         "memory": "512 MiB (manifest)",
-        "limit": "2 LP (100 % of its 2 VPs) (left open: a limit would make its measurements invalid)",
+        "limit": "2 LP (100 % of its 2 VPs) (no limit: a limit would make its measurements invalid)",
         "weight": "3000 (policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000)",
         "host": (
             "onboard (The placement is optimal: no other reserves less, or moves fewer partitions with the "

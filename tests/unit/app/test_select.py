@@ -65,7 +65,7 @@ def test_measured_maximum_advises_easier_level(here: Path) -> None:
 
     answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
 
-    assert "holds with 100 % of its VPs under each load. 100 % of its VPs is the most that it can have." in answer
+    assert "holds with 100 % of its VPs under each load. It can have at most 100 % of its VPs." in answer
     assert "rarms measure" not in answer
 
 

@@ -52,7 +52,7 @@ def test_two_reserves_of_60_percent_do_not_fit(tmp_path: Path) -> None:
     found = validated(manifest(tmp_path, component("a"), component("b")))
 
     assert codes(found.findings) == ["RARMS014"]
-    assert "a 1.2 LP and b 1.2 LP need 2.4 LP; onboard has 1.9 LP to promise." in found.findings[0].detail
+    assert "a 1.2 LP and b 1.2 LP need 2.4 LP; onboard has 1.9 LP for partitions." in found.findings[0].detail
     assert found.fails()
 
 

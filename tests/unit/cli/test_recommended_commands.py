@@ -521,7 +521,7 @@ OTHER_TESTS = {
     "Measure the rest: `rarms measure`.": "tests/unit/measuring/test_passes.py",
     "Or record that you accept them: ": "tests/unit/measuring/test_passes.py",
     "Set the governor ": "tests/unit/app/test_data_logs.py",
-    "Measurements on a simulated host never hold for a real one. ": "tests/unit/app/test_data_logs.py",
+    "Measurements on a simulated host are never valid for a real one. ": "tests/unit/app/test_data_logs.py",
     "or more, 1.2 times the peak": "tests/unit/app/test_data_logs.py",
     "Start it: `rarms start '{partition}'`.": "tests/unit/measuring/test_run_component.py",
     "Measure whether a reservation helps: ": "tests/unit/measuring/test_run_component.py",

@@ -50,7 +50,7 @@ def test_status_names_what_is_missing_first() -> None:
     assert "Host onboard  [############........]\n" in after.out
     assert "\n  1.2 LP of 2 LP reserved, 0.2 LP kept for the host, 0.6 LP free.\n" in after.out
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
-    assert "All is applied, and no component has a threshold to prove." in after.out
+    assert "Everything is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
 
 

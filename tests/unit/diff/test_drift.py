@@ -141,7 +141,7 @@ def test_responsiveness_without_manifest_line_goes_back() -> None:
     (change,) = of_it(route(wanting(None), state))
 
     assert isinstance(change, Delete)
-    assert change.reason.message == "the manifest no longer sets it; 20 comes back"
+    assert change.reason.message == "the manifest no longer sets it; 20 is restored"
     assert applied(wanting(None), state).responsiveness == Responsiveness(value=dword(20))
 
 

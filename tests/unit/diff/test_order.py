@@ -73,7 +73,7 @@ def test_disruptive_change_holds_back_dependent_growth() -> None:
 
     assert found.allowed == ()
     assert {str(held.change.address): held.why for held in found.held_back} == {
-        "partition/speech": "it needs capacity that a change would free which is held back",
+        "partition/speech": "it needs capacity that a held-back change would free",
         "partition/vision": "--max-disruption partition_stop allows it",
     }
     assert found.ordered == ()

@@ -109,7 +109,7 @@ def test_keeping_the_whole_host_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "advice"),
     [
-        ("40", '"40"', "Take away the quotes: 40."),
+        ("40", '"40"', "Remove the quotes: 40."),
         ("mean_response_time", "p100_response_time", "Did you mean maximum_response_time?"),
         ("mean_response_time", "mean", "Did you mean mean_response_time?"),
         ("mean_response_time", "p90", "Did you mean p90_response_time?"),

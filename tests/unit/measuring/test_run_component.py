@@ -237,7 +237,7 @@ def test_run_may_last_time_against_load(tmp_path: Path) -> None:
         (("visoin",), """The manifest does not have the component "visoin". Did you mean "vision"?"""),
         (("--interference", "busy-lop"), 'The manifest does not have the interference "busy-lop".'),
         (("--for", "5"), '"5" is not a time such as 60s. Units: us, ms, s, min, h.'),
-        (("--for", "0,5s"), "Units: us, ms, s, min, h. The decimal sign is a point."),
+        (("--for", "0,5s"), "Units: us, ms, s, min, h. The decimal separator is a point."),
         (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
     ],
 )

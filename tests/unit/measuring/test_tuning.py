@@ -157,7 +157,7 @@ def test_contradicting_setting_proves_nothing(tmp_path: Path) -> None:
         contradictions = [finding for finding in diagnostics if finding.code == CONTRADICTION.code]
 
     assert [contradiction.message for contradiction in end.contradictions] == [
-        "paths+speech+video meets its thresholds with less than paths+video needs"
+        "paths+speech+video needs less than its part paths+video"
     ]
     assert not end.proved
     assert len(contradictions) == 1
@@ -255,7 +255,7 @@ def test_component_measured_for_full_host_counts_there(tmp_path: Path) -> None:
         totals = totals_at_hand(manifest)[0].hosts
 
     (finding,) = [each for each in json.loads(over.out)["findings"] if each["code"] == "RARMS014"]
-    assert "p needs 0.55 LP; a has 0.5 LP to promise. With q, it is 0.8 LP in all." in finding["detail"]
+    assert "p needs 0.55 LP; a has 0.5 LP for partitions. With q, the total is 0.8 LP." in finding["detail"]
     assert {name: float(each.reserved_lp) for name, each in totals.items()} == {"a": 0.8, "b": 1.3}
 
 

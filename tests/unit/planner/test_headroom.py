@@ -43,7 +43,7 @@ def test_by_criticality_more_critical_has_larger_part() -> None:
         "speech": (100, 1000),
         "logging": (100, 100),
     }
-    assert found["vision"].why_limit == "left open: a limit would make its measurements invalid"
+    assert found["vision"].why_limit == "no limit: a limit would make its measurements invalid"
     assert "100 times the criticality 30" in found["vision"].why_weight
 
 

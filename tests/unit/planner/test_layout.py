@@ -147,8 +147,8 @@ def test_memory_counts_partitions_outside_the_conflict() -> None:
     found = planned(a_system(hosts=[a_host(memory="1 GiB")], components=components)).findings
 
     assert found[0].detail == (
-        "seams 1 GiB and motion 512 MiB need 1.5 GiB; onboard has 1 GiB to promise. "
-        "With messages, it is 1.8 GiB in all."
+        "seams 1 GiB and motion 512 MiB need 1.5 GiB; onboard has 1 GiB for partitions. "
+        "With messages, the total is 1.8 GiB."
     )
     assert "768 MiB more memory on onboard" in str(found[0].advice)
 
@@ -430,7 +430,8 @@ def test_bursts_note_neighbours_of_a_tail() -> None:
 
     assert severity == "note"
     assert detail == (
-        "p95_response_time of vision depends on the 1 other partition on onboard: their work within 100 ms changes it."
+        "p95_response_time of vision depends on the 1 other partition on onboard: their work within a window of 100 "
+        "ms changes it."
     )
 
 

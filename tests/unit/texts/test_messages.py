@@ -142,8 +142,8 @@ def test_reason_is_never_empty(error: Exception, reason: str) -> None:
     ("said", "code", "words"),
     [
         (" no such unit.\n", 5, "no such unit"),
-        ("\n", 5, "it ended with exit code 5, without a reason"),
-        ("", -9, "signal 9 ended it, without a reason"),
+        ("\n", 5, "it ended with exit code 5 and gave no reason"),
+        ("", -9, "signal 9 ended it and gave no reason"),
         ("", None, "without a reason"),
     ],
 )

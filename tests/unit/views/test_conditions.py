@@ -24,11 +24,11 @@ def runs(once_in: int) -> Condition:
     ],
 )
 def test_condition_says_how_rare(condition: Condition, words: str) -> None:
-    assert describe_conditions([condition], verbose=True) == f"* Met if jobs that no sample showed are rare. {words}"
+    assert describe_conditions([condition], verbose=True) == f"* Met if unseen slow jobs are rare. {words}"
 
 
 def test_rareness_is_said_with_verbose_only() -> None:
-    assert describe_conditions([runs(367)], verbose=False) == "* Met if jobs that no sample showed are rare (see -v)."
+    assert describe_conditions([runs(367)], verbose=False) == "* Met if unseen slow jobs are rare (see -v)."
 
 
 def test_no_condition_has_no_sentence() -> None:

@@ -32,7 +32,7 @@ def shown(source: str, place: Place) -> list[str]:
 def test_form_is_code_place_line_detail_advice() -> None:
     finding = EXCEEDED.at(
         at(2, 25, path="hosts.onboard.logical_processors"),
-        "FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to promise.",
+        "FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP for partitions.",
         "Relax an APT, or let `rarms tune` combine the least critical CoIs.",
     )
 

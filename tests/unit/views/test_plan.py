@@ -127,7 +127,7 @@ def test_task_class_shows_types_and_effect() -> None:
     [
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
-        "  partition/former is not in the manifest now and is stopped. Remove it with",
+        "  partition/former is no longer in the manifest and is stopped. Remove it with",
         "  partition/old, remove the machine: cannot be undone; it is not made again",
         "  ~ speech    0.4 LP -> 0.8 LP  512 MiB  processors 1 -> 2; stops the partition",
         "  Afterwards: 1.9 LP of 2 LP reserved, 0.1 LP free.",
@@ -212,7 +212,7 @@ def test_thread_priorities_stand_by_operating_system_highest_first() -> None:
     part = replace(host_plan(changes=[create(task())]), threads=CLASSES)
 
     assert threads_of(part) == [
-        "  Thread priorities, once its Windows has started again:",
+        "  Thread priorities, after its Windows has restarted:",
         "    where             priority  task class            category  components",
         "    the host itself         23  MotionControl         Medium    arm",
         "    partition/vision        23  ObjectIdentification  Medium    camera, lidar",

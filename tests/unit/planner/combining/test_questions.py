@@ -271,7 +271,7 @@ def test_cheaper_compound_voids_the_proof() -> None:
     ended = next_decision(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
     (contradiction,) = ended.contradictions
-    assert contradiction.message == "a+b+c meets its thresholds with less than b+c needs"
+    assert contradiction.message == "a+b+c needs less than its part b+c"
 
 
 def test_compound_may_need_two_points_less() -> None:
@@ -285,7 +285,7 @@ def test_compound_may_need_two_points_less() -> None:
     below = [Answer(members=("a", "b"), reserve=37, worse=())]
     ended, _ = search(tuning, Inquiry(oracle=Needs({("a", "b"): 37})), below)
     (contradiction,) = ended.contradictions
-    assert contradiction.message == "a+b meets its thresholds with less than a needs"
+    assert contradiction.message == "a+b needs less than its part a"
     assert not ended.proved
 
 
@@ -308,7 +308,7 @@ def test_other_measurements_count_with_an_answer() -> None:
     assert len({(answer.members, answer.reserve) for answer in trail}) == len(trail), "nothing is told twice"
     assert (found.proved, [coi.members for coi in found.cois]) == (False, [("a",), ("b", "c")])
     (contradiction,) = found.contradictions
-    assert contradiction.message == "b+c meets its thresholds with less than b needs"
+    assert contradiction.message == "b+c needs less than its part b"
 
 
 def nodes(of: Sequence[Coi]) -> dict[str, Node]:

@@ -69,7 +69,7 @@ def test_sum_on_a_forced_host_is_told() -> None:
 
     assert isinstance(planning.answer, Infeasible)
     assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
-    assert planning.findings[0].detail == "a 1.2 LP and b 1.2 LP need 2.4 LP; right has 2 LP to promise."
+    assert planning.findings[0].detail == "a 1.2 LP and b 1.2 LP need 2.4 LP; right has 2 LP for partitions."
     expected = {"partitions": ("a", "b"), "hosts": ("right",), "needs_lp": 2.4, "has_lp": 2.0, "proven": True}
     assert expected.items() <= planning.findings[0].values.items()
 
@@ -79,7 +79,7 @@ def test_others_on_the_same_host_are_summed() -> None:
 
     planning = planned(a_system(hosts=[a_host(logical_processors=2, memory="16 GiB")], components=components))
 
-    sums = "a 1.2 LP and b 1 LP need 2.2 LP; onboard has 2 LP to promise. With c, it is 2.4 LP in all."
+    sums = "a 1.2 LP and b 1 LP need 2.2 LP; onboard has 2 LP for partitions. With c, the total is 2.4 LP."
     assert [finding.detail for finding in planning.findings] == [sums]
 
 
@@ -91,7 +91,8 @@ def test_overfilling_component_is_named_with_total() -> None:
 
     (finding,) = planned(system).findings
 
-    assert finding.detail == "a 1.2 LP and b 1 LP need 2.2 LP; left has 2 LP to promise. With t, it is 3.2 LP in all."
+    sums = "a 1.2 LP and b 1 LP need 2.2 LP; left has 2 LP for partitions. With t, the total is 3.2 LP."
+    assert finding.detail == sums
     assert planned_totals(system, FixedReservations(), {}).hosts["left"].reserved_lp == Fraction("3.2")
 
 
@@ -169,8 +170,8 @@ def test_only_partitions_that_must_move_are_named() -> None:
     [
         (4, "1.33 LP", "1.33 LP on 4 VPs is rounded up to 1.36 LP. With 1.32 LP each, a, b and c fit."),
         (2, "1.33 LP", "1.33 LP on 2 VPs is rounded up to 1.34 LP."),
-        (2, "1.36 LP", "onboard has 4 LP to promise."),
-        (2, "1.37 LP", "onboard has 4 LP to promise."),
+        (2, "1.36 LP", "onboard has 4 LP for partitions."),
+        (2, "1.37 LP", "onboard has 4 LP for partitions."),
     ],
     ids=["it would fit", "the sum would fit", "not rounded", "too much without rounding"],
 )
