@@ -165,8 +165,9 @@ def _stopped(result: ExperimentResult) -> str:
     if result.planned is None:
         return "stopped"
     amount = _amount(result, result.planned)
-    return f"stopped; {amount} meets the threshold so far" if result.new else f"stopped; {amount} is from an earlier "
-    f"run"
+    if result.new:
+        return f"stopped; {amount} meets the threshold so far"
+    return f"stopped; {amount} is from an earlier run"
 
 
 def _rows(experiment: Experiment, answer: _Answer | None) -> Iterator[tuple[str, ...]]:

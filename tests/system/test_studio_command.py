@@ -102,5 +102,5 @@ def test_a_port_that_is_taken_is_named(folder: Path) -> None:
         refused = ended(folder, [*RARMS, "studio", "--no-open", "--port", port])
 
     assert (refused.returncode, refused.stdout) == (64, "")
-    assert f"Port {port} cannot be taken" in refused.stderr
+    assert f"Port {port} cannot be used" in refused.stderr
     assert "Choose another with --port" in refused.stderr

@@ -140,7 +140,7 @@ def test_concurrent_edit_is_not_overwritten(tmp_path: Path) -> None:
     file.write_text("by another hand\n", encoding="utf-8", newline="\n")
     edits = [FileEdit(file=str(each), before="as it was read\n", after="after the change\n") for each in (first, file)]
 
-    with pytest.raises(RequestError, match="was changed meanwhile, so nothing was written"):
+    with pytest.raises(RequestError, match="was changed in the meantime, so nothing was written"):
         write_edits(edits)
 
     assert first.read_text(encoding="utf-8") == "as it was read\n", "all or nothing"

@@ -202,7 +202,7 @@ def test_unknown_name_is_refused_before_missing_terminal(tmp_path: Path) -> None
     assert all("nosuch" in answer.err and "terminal" not in answer.err for answer in answers)
 
 
-@pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "without a question")])
+@pytest.mark.parametrize(("command", "advice"), [("measure", "rarms select COMPONENT"), ("tune", "without asking")])
 def test_without_terminal_interactive_says_what_to_do_instead(tmp_path: Path, command: str, advice: str) -> None:
     assert rarms("init", str(tmp_path), "--name", "robot").code == 0
     with chdir(tmp_path):

@@ -391,10 +391,10 @@ def test_a_weak_load_names_what_had_its_time() -> None:
     evidence = replace(an_evidence(200.0, 1000.0), others=others, throttled_ms={P1: 5.0, P2: 400.0})
 
     assert describe_idle("busy-loop", evidence, host) == (
-        "busy-loop left 33 % of 1.8 LP. Of 1.8 LP, make in /user.slice had 20 %. The limit of P2 "
+        "busy-loop left 33 % of 1.8 LP. Of 1.8 LP, make in /user.slice used 20 %. The limit of P2 "
         "stopped its threads for 0.4 s in total on all processors."
     )
-    assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("was the cause: the load waited.")
+    assert describe_idle("timer", an_evidence(200.0, 1000.0), host).endswith("was the cause: the load was waiting.")
     assert not leaves_idle(an_evidence(200.0, 1550.0), shared_processors(host, 2))
 
 

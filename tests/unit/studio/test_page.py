@@ -208,7 +208,7 @@ def test_recently_used_port_is_taken() -> None:
 
 
 def test_a_port_that_another_program_has_is_refused() -> None:
-    with bind(0) as other, pytest.raises(RequestError, match="cannot be taken"):
+    with bind(0) as other, pytest.raises(RequestError, match="cannot be used"):
         bind(other.getsockname()[1])
 
 

@@ -45,8 +45,8 @@ error[RARMS014] Reservations exceed the platform
   robot.yaml:2:25, hosts.onboard.logical_processors
   2 |     logical_processors: 2
     |                         ^
-  FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP to
-  promise.
+  FDP 1.4 LP, SRP 0.6 LP and PPP 0.4 LP need 2.4 LP; onboard has 2 LP for
+  partitions.
   Relax an APT, or let `rarms tune` combine the least critical CoIs.
 
 1 error.

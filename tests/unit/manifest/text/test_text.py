@@ -76,7 +76,7 @@ def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
     finding = load_system(str(path), today=TODAY).diagnostics[0]
 
     assert finding.code == "RARMS001"
-    assert "more than 8 MiB" in finding.detail
+    assert "larger than 8 MiB" in finding.detail
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
