@@ -18,10 +18,10 @@
     Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 0a3980d6700fc1eeaea3a0dc1aa646f802a4f933eb931c099091dcc7eb8c2644, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 3f95b76fdda1ab7c89c427f241f722c191aec6714eb6b1fd0e926b3f34c88999, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '180aff4c51e0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0a3980d6700fc1eeaea3a0dc1aa646f802a4f933eb931c099091dcc7eb8c2644'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3f95b76fdda1ab7c89c427f241f722c191aec6714eb6b1fd0e926b3f34c88999'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
