@@ -1,11 +1,11 @@
-# The module Rarms: what every script of rarms calls. Definitions only, nothing runs while it is imported.
-# From the top: what a run does, what a step does, how readings are compared, what is reported; then each kind of thing.
+# The module Rarms: functions that all scripts of rarms call. Importing it runs nothing.
+# Order: runs, steps, comparison of readings, events; then one section for each kind of resource.
 
 [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param()
 
-# What a profile or a caller set reaches none of the calls below.
+# Ignore preferences set by a profile or the caller.
 Set-StrictMode -Version 3.0
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
@@ -15,10 +15,10 @@ $DebugPreference = 'SilentlyContinue'
 $InformationPreference = 'SilentlyContinue'
 $ProgressPreference = 'SilentlyContinue'
 $PSModuleAutoLoadingPreference = 'All'
-# Steps are asked for in Test-Wanted: what they call asks nobody a second time.
+# Test-Wanted asks for confirmation. The cmdlets that a step calls do not ask again.
 $ConfirmPreference = 'None'
 
-$script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
+$script:Whole = @{ Address = 'host'; Number = 0 }  # used in events that are not about a step
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
 $script:Observe = '7b0cbfa44721463792ea4b93789343a103bf618989cb26e7f213e6736cb41ad2'
@@ -28,23 +28,23 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Invoke-RarmsPlan {
     <#
     .SYNOPSIS
-        Does the steps of a plan, and gives their events to the pipeline.
+        Runs the steps of a plan and writes their events to the pipeline.
     .PARAMETER Path
-        The script of a plan, which is run as it is.
+        The script of a plan. It is run unchanged.
     .PARAMETER Run
-        What a script hands over: its $PSCmdlet, paths, preferences and plan, and a reference for its exit code.
+        Values from the script: its $PSCmdlet, paths, preferences and plan, and a reference for its exit code.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
     if ($null -eq $Run) { return Invoke-Script -Path $Path -AsJson $AsJson }
-    # An alias of the caller would come before a function of this module: none is called before this.
+    # Remove aliases of the caller first: an alias has priority over this module's functions.
     $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
     $aliases = @(Microsoft.PowerShell.Utility\Get-Alias -Name @($own.Name) -ErrorAction Ignore)
     if ($aliases.Count) { throw ('an alias hides a function of rarms, remove it: ' + ($aliases.Name -join ', ')) }
     try {
         Initialize-Run -Run $Run
         if ($Run.AsJson -and $Run.Caller.MyInvocation.BoundParameters['Verbose']) { throw 'give -AsJson without -Verbose' }
-        # Bound to this module, so that its blocks see the variables and functions here.
+        # Bind the blocks to this module, so that they see its variables and functions.
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
         if ($Run.Abandon) {
@@ -56,10 +56,10 @@ function Invoke-RarmsPlan {
         }
         $script:Code = 0
     } catch {
-        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
+        # Write events to the pipeline here, so that no caller's variable receives them.
         Write-Failure -Failure $_
     } finally {
-        # What Ctrl-C ended stays as it was begun.
+        # After Ctrl-C, the run stays unfinished.
         try { if ($script:Outcome.Status -cne 'begun') { Write-Verdict } } catch {
             Write-RunEvent -Kind 'run' -Status 'noted' -Detail ('the verdict is not written: ' + $_.Exception.Message)
         }
@@ -71,9 +71,9 @@ function Invoke-RarmsPlan {
 function Test-RarmsPlan {
     <#
     .SYNOPSIS
-        Gives an object for each step of a plan: Address, Action, InDesiredState, Disruption; and writes nothing.
+        Returns an object for each step of a plan: Address, Action, InDesiredState, Disruption. Changes nothing.
     .PARAMETER AsJson
-        With -Path: one JSON object for all of them, as a resource of DSC gives it.
+        With -Path: returns one JSON object for all steps, as a DSC resource does.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path = '', [switch] $AsJson, [System.Collections.IDictionary] $Run = $null)
@@ -85,7 +85,7 @@ function Test-RarmsPlan {
 function Get-RarmsObservation {
     <#
     .SYNOPSIS
-        Gives what this computer looks like as one line of JSON, which rarms takes as a snapshot; and changes nothing.
+        Returns the state of this computer as one line of JSON, a snapshot for rarms. Changes nothing.
     .EXAMPLE
         Get-RarmsObservation | Set-Content -Path .\cell.json -Encoding Ascii
     #>
@@ -99,7 +99,7 @@ function Get-RarmsObservation {
 function Get-RarmsRun {
     <#
     .SYNOPSIS
-        Gives the runs that this computer remembers, the last one at the end; what has no closing is unfinished.
+        Returns the recorded runs of this computer, the last one at the end. A run without a closing is unfinished.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param()
@@ -113,7 +113,7 @@ function Get-RarmsRun {
 function Undo-RarmsRun {
     <#
     .SYNOPSIS
-        Undoes what the last run of a plan did here, by the undo script that the journal of this computer holds.
+        Undoes the last run of a plan on this computer, with the undo script from its journal.
     #>
     [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Justification = 'The undo script asks.')]
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
@@ -124,10 +124,10 @@ function Undo-RarmsRun {
     Lock-Host
     try { Import-Journal } finally { Unlock-Host }
     $last = $script:Started
-    # An undo that was cut off is gone on with.
+    # Continue an interrupted undo.
     $text = if ($last) { if ($last.run -ceq 'undo' -and -not $script:Closing) { $last.script } else { $last.undo } }
     if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to undo' }
-    # Below the folder that only administrators may write to, and removed also after a preview; one file has no module.
+    # Use a folder that only administrators may write to. Remove it also after a preview. A single file has no module.
     $dir = Join-Path -Path $script:Folder -ChildPath ('undo-' + $PID)
     Add-Folder -Path $dir
     try {
@@ -143,7 +143,7 @@ function Undo-RarmsRun {
 function Stop-RarmsRun {
     <#
     .SYNOPSIS
-        Asks the run of this script to end before its next step; run the script again to go on.
+        Asks the run of this script to end before its next step. Run the script again to continue.
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([Parameter(Mandatory)] [string] $Path)
@@ -154,7 +154,7 @@ function Stop-RarmsRun {
 function Close-RarmsRun {
     <#
     .SYNOPSIS
-        Closes the unfinished run of this computer, of any plan, and changes nothing else.
+        Closes the unfinished run on this computer, of any plan. Changes nothing else.
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
     param([switch] $Force)
@@ -170,7 +170,7 @@ function Close-RarmsRun {
 }
 
 function Invoke-Script {
-    # It would see the preferences of this module, under which nothing is asked: it gets those of PowerShell.
+    # Restore PowerShell's preferences for the script: with those of this module it would not ask.
     param([string] $Path, [bool] $AsJson, [bool] $Force, [bool] $Test, [bool] $Preview)
     $Path = Resolve-Script -Path $Path
     $ConfirmPreference = 'High'
@@ -179,7 +179,7 @@ function Invoke-Script {
 }
 
 function Resolve-Script {
-    # Its whole path: .NET knows no location of PowerShell.
+    # Use the full path: .NET does not use the location of PowerShell.
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path)
     if (-not $Path) { throw 'give -Path: the script of a plan' }
@@ -191,51 +191,51 @@ function Resolve-Script {
 
 function Initialize-Run {
     param([System.Collections.IDictionary] $Run = @{ Preview = $false; Test = $false; AsJson = $false; LockTimeout = 0 })
-    $script:Code = 1                # how the script will end: 0, 1 or 3
-    $script:Current = $script:Whole # the step that is read or done: what fails, fails there
-    $script:Outcome = @{ Status = 'begun'; Detail = '' } # by the last event about the whole run
-    $script:Ending = $null          # of the event that ends the run, where the run itself ends it
-    $script:Plan = @{ Plan = ''; Run = '' }  # the run's facts, which the plan gives
-    $script:Steps = @()             # those of the plan
-    $script:Handle = $null          # of the owner's file while this run holds the computer; it ends with its process
-    $script:Run = $Run              # what the script handed over
+    $script:Code = 1                # the exit code: 0, 1 or 3
+    $script:Current = $script:Whole # the current step, for errors
+    $script:Outcome = @{ Status = 'begun'; Detail = '' } # from the last event about the whole run
+    $script:Ending = $null          # the last event, if the run itself ends
+    $script:Plan = @{ Plan = ''; Run = '' }  # facts of the run, from the plan
+    $script:Steps = @()             # from the plan
+    $script:Handle = $null          # of the owner's file while this run holds the lock; it closes with the process
+    $script:Run = $Run              # values from the script
     $script:Result = if ($Run['ScriptPath']) { $Run.ScriptPath + '.result.json' } else { '' }
     $script:Preview = $Run.Preview -or $Run.Test
-    # With it, nothing that is called by mistake changes anything either.
+    # With it, a call by mistake changes nothing.
     $script:WhatIfPreference = $script:Preview
-    $script:Known = Get-OrdinalTable  # by address: what was read of it, until a step changes something
-    $script:Listing = $false        # whether a machine is sought among all, not asked for by its id
-    $script:Skipped = Get-OrdinalTable  # by address of what -Confirm left out: the declined step
-    $script:Nodes = @()             # NUMA nodes, where no machine may lie on two of them
+    $script:Known = Get-OrdinalTable  # by address: the reading, until a step changes something
+    $script:Listing = $false        # whether to search all machines instead of asking for one id
+    $script:Skipped = Get-OrdinalTable  # by address: the declined step
+    $script:Nodes = @()             # NUMA nodes, if a machine must fit on one
     $script:Changed = 0             # steps that this run did
-    $script:Messages = @()          # what a step has to tell apart from its end
-    # A service or a logon may come without the variable; Windows knows the folder all the same.
+    $script:Messages = @()          # messages of a step
+    # The variable may be missing in a service or a logon. Windows still has the folder.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
     $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
     $script:OwnerFile = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
     $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
-    $script:Sound = [long] 0        # bytes of the journal that are whole records
-    $script:Past = @()              # the runs before the one that the journal holds
-    $script:Started = $null         # its first record: which run was the last one here
-    $script:Closing = ''            # how it was closed: done or abandoned
-    $script:Recorded = Get-OrdinalTable  # by number of a step: what it says of it
-    $script:Serials = Get-OrdinalTable  # by application: how many runs there were
-    $script:Called = Get-OrdinalTable  # by number of a step: its calls were made by this run
-    $script:Touched = Get-OrdinalTable  # of an undo: the apply's steps that may have changed something
+    $script:Sound = [long] 0        # bytes of complete records in the journal
+    $script:Past = @()              # earlier runs
+    $script:Started = $null         # its first record: the last run on this computer
+    $script:Closing = ''            # done or abandoned
+    $script:Recorded = Get-OrdinalTable  # by number of a step: its record
+    $script:Serials = Get-OrdinalTable  # by application: the number of runs
+    $script:Called = Get-OrdinalTable  # by number of a step: called in this run
+    $script:Touched = Get-OrdinalTable  # in an undo: steps of the apply that may have changed something
     $script:Shielded = Get-OrdinalTable  # by id of a machine
     $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
     $set = '[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?'
     $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>SET)\r*$'
     $script:MarkForm = $form.Replace('SET', $set).Replace('NAME', $name)
-    $script:Machines = Get-OrdinalTable  # by partition: the id of its machine that this plan makes
+    $script:Machines = Get-OrdinalTable  # by partition: the id of the machine that this plan creates
 }
 
 function Write-Failure {
     param($Failure)
     $detail = [string] $Failure.Exception.Message
     $id = [string] $Failure.FullyQualifiedErrorId
-    $at = $Failure.InvocationInfo  # of what a guest says there may be none
+    $at = $Failure.InvocationInfo  # messages of a guest may have none
     $ending = $script:Ending
     if ($null -eq $ending) {
         $ending = @{ Kind = 'failed'; Status = 'failed'; Code = 1 }
@@ -266,7 +266,7 @@ function Open-Run {
 }
 
 function Close-Run {
-    # The unfinished run, of this plan where there is one; the host stays as it is.
+    # Close the unfinished run, of this plan if there is one. The host is not changed.
     Lock-Host
     Write-Verdict
     Import-Journal
@@ -295,8 +295,8 @@ function Add-Step {
     if ($Same) { foreach ($name in $Same.Keys) { foreach ($one in @($Before, $After)) { $one[$name] = $Same[$name] } } }
     $script:Steps += @{
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read; Row = $script:Target.Row
-        # It builds on the steps of its own address, and on those of the machine that it lies in.
-        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address) # the same twice where it lies in none
+        # A step depends on the steps of its own address and of its machine.
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address) # the same value twice without a machine
         Before = (Get-OrdinalTable -From $Before); After = (Get-OrdinalTable -From $After)
         Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
@@ -324,10 +324,10 @@ function Complete-Run {
 }
 
 function Assert-Host {
-    # Reads everything: what was done is still so, what is to be done finds what was planned, or is ahead to be made.
+    # Read everything: finished steps must still be in effect, the others must find the planned state.
     param([switch] $Last)
-    $made = Get-OrdinalTable  # by address: what the steps that were done made of it
-    $ahead = Get-OrdinalTable  # addresses with names that a step is to change yet
+    $made = Get-OrdinalTable  # by address: the state after the finished steps
+    $ahead = Get-OrdinalTable  # addresses that a later step renames
     $script:Listing = $true
     $script:Fresh = [DateTime]::UtcNow.AddMilliseconds(10000)
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
@@ -359,7 +359,7 @@ function Assert-Host {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]
         $wanted = $made[$at].After
-        # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
+        # A running guest puts its own entry before its disk. The boot order was compared when it was set.
         [void] $wanted.Remove('boots_from')
         $live = Get-Reading -Name $wanted.Keys
         while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $settled) {
@@ -368,7 +368,7 @@ function Assert-Host {
             $live = Get-Reading -Name $wanted.Keys
         }
         foreach ($name in @(Compare-Reading -Live $live -Expected $wanted)) {
-            # The keys above several records are cleared with the last of them.
+            # The parent keys of several records are removed with the last record.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             $detail = Get-Difference -Name $name -Live $live -Expected $wanted -Text 'is not as wanted: '
             if ($Last) { throw ('{0} {1}' -f $at, $detail) }
@@ -379,7 +379,7 @@ function Assert-Host {
 }
 
 function Invoke-Step {
-    # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
+    # Read, compare, set, read again. Do nothing if it is already as wanted. Stop if it differs from both states.
     param([System.Collections.IDictionary] $Step)
     $set = $Step.Set
     $fits = $Step.Fits
@@ -393,16 +393,16 @@ function Invoke-Step {
         $script:Current = $script:Whole
         Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
     }
-    # What is ten seconds old may be so no more. A promise counts all machines.
+    # Readings expire after ten seconds. A reservation counts all machines.
     if ([DateTime]::UtcNow -gt $script:Fresh) { $script:Known.Clear() }
     $script:Listing = $null -ne $fits
     $lack = ''
     foreach ($one in $Step.Needs) { if (-not $lack -and $script:Skipped.Contains($one)) { $lack = $script:Skipped[$one] } }
     $live = Get-Reading -Step $Step
     $script:Open = @(Compare-Reading -Live $live -Expected $Step.After)
-    # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
+    # Skip steps that depend on a declined step, and do not record them: a record would show them as not needed.
     if (-not $lack -and -not $script:Open.Count) {
-        # One that was begun and killed has changed something.
+        # An interrupted step has changed something.
         $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
         return Add-StepRecord -Step $Step -Status $status
     }
@@ -422,7 +422,7 @@ function Invoke-Step {
     }
     if ($skip) {
         if (-not $lack) { $lack = '{0}, {1}' -f $Step.Address, $Step.Action }
-        # A machine gets no settings without its disk.
+        # Do not set up a machine without its disk.
         foreach ($one in $Step.Needs) { $script:Skipped[$one] = $lack }
         return Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
     }
@@ -442,13 +442,13 @@ function Invoke-Step {
 }
 
 function Test-Open {
-    # Whether one of these is not as the step wants it: what a killed run did is not done again.
+    # Whether one of these differs from the wanted state. Work of an interrupted run is not repeated.
     param([string[]] $Name)
     @(foreach ($one in $Name) { if ($script:Open -ccontains $one) { $one } }).Count -gt 0
 }
 
 function Test-Wanted {
-    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    # Whether -WhatIf or the user allows it. With -AsJson, no "What if" line is written between events.
     [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Justification = 'It asks for the script.')]
     param([string] $Address, [string] $Action)
     if ($script:Run.AsJson -and $script:Preview) { return $false }
@@ -458,7 +458,7 @@ function Test-Wanted {
 }
 
 function Get-Leave {
-    # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
+    # Why a step is not needed; empty if it is needed. The first two reasons are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
     $lost = $script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']
@@ -478,23 +478,23 @@ function Add-StepRecord {
 function Get-Reading {
     param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
     $read = $script:Current.Read
-    $script:Row = $script:Current.Row  # for its blocks, which see no variable of the plan
+    $script:Row = $script:Current.Row  # for its blocks, which do not see variables of the plan
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
     & $read
 }
 
 function Compare-Step {
-    # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
+    # Names of values that are neither as wanted, nor as planned before, nor in between.
     param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
     if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
-    # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
+    # An interrupted step can leave each value old or new.
     if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
         $names = @($Step.Before.Keys)
-        # What is not asked before a step may be anything, but not where nothing was.
+        # A value that is not compared before a step may be anything, but it must exist.
         $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
         if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
         foreach ($name in $names) {
-            # Names of values come and go one by one; a machine may be on its way to be off.
+            # Values are added and removed one by one; a machine may be shutting down.
             $busy = @('values', 'empty') -ccontains $name -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')
             $old = Test-Agreed -Left $Live -Right $Step.Before -Name $name
             if (-not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $name))) { $name }
@@ -506,7 +506,7 @@ function Compare-Step {
 
 function Compare-Reading {
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
-    # No cmdlet filters here: a profile's own of the same name would say that there is nothing to do.
+    # Do not filter with cmdlets here: a profile may replace them.
     foreach ($name in @($Expected.Keys)) { if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name } }
 }
 
@@ -515,7 +515,7 @@ function Get-Difference {
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
         return 'it is gone from this host: make a new plan'
     }
-    $names = @($Name | Microsoft.PowerShell.Utility\Sort-Object)  # a table has no order
+    $names = @($Name | Microsoft.PowerShell.Utility\Sort-Object)  # tables are unordered
     $Text + ($names -join ', ') + '; make a new plan'
 }
 
@@ -533,7 +533,7 @@ function Test-Agreed {
 }
 
 function Test-Same {
-    # -ceq is blind to characters without width, and so is -eq; both are slow with long texts.
+    # -ceq and -eq ignore characters without width, and are slow with long texts.
     param([string] $Left, [string] $Right, [switch] $AnyCase)
     $how = if ($AnyCase) { [System.StringComparison]::OrdinalIgnoreCase } else { [System.StringComparison]::Ordinal }
     [string]::Equals($Left, $Right, $how)
@@ -558,8 +558,8 @@ function Write-RunEvent {
 }
 
 function Write-Verdict {
-    # How this run stands: next to its script, as Ctrl-C gives the code 0, once it holds the computer; and in Windows'
-    # event log, if that takes it.
+    # Write the status of this run next to its script, because Ctrl-C gives the code 0, and to the event log of Windows,
+    # if possible.
     if ($script:Preview) { return }
     $text = ConvertTo-AsciiJson -Value ([ordered] @{
         format = 'rarms-result/1'; plan = $script:Plan.Plan; run = $script:Plan.Run; operator = $script:Operator
@@ -573,7 +573,7 @@ function Write-Verdict {
 }
 
 function Write-ResultFile {
-    # In ProgramData where the script's folder or the file cannot be written. What fails here is not tried again.
+    # Use ProgramData if the script's folder or the file cannot be written. Do not try again after an error.
     param([string] $Text)
     $path = $script:Result
     $script:Result = ''
@@ -590,22 +590,22 @@ function Write-ResultFile {
 }
 
 function Exit-Run {
-    # The host is not as planned, busy, or the plan was used: exit code 3, unless another is said.
+    # The host is not as planned or busy, or the plan was used: exit code 3 by default.
     param([string] $Kind = 'refused', [string] $Status = 'refused', [int] $Code = 3, [string] $Detail)
     $script:Ending = @{ Kind = $Kind; Status = $Status; Code = $Code }
     throw $Detail
 }
 
 function ConvertTo-AsciiJson {
-    # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
+    # Return one line of ASCII JSON. 5.1 and 7 escape different characters.
     param($Value)
     $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
     [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
 }
 
-# === preview: what -WhatIf shows.
+# === preview: output of -WhatIf.
 function Show-Run {
-    # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
+    # Show stops, removals and deletions first, then every remaining step with the state before it.
     $shown = @(Get-Preview)
     $ahead = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } })
     $lines = @(foreach ($loss in @('stops', 'removes', 'deletes')) {
@@ -640,7 +640,7 @@ function Show-State {
 }
 
 function Get-Preview {
-    $made = Get-OrdinalTable  # by address: the last action that is shown of it
+    $made = Get-OrdinalTable  # by address: the last action shown
     foreach ($step in $script:Steps) {
         $script:Current = $step
         $fits = $step.Fits
@@ -675,7 +675,7 @@ function Get-Loss {
 
 # === lock: one run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
 function Lock-Host {
-    # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
+    # A preview does not lock. Secure the folder first, so that no other account can open, and so lock, its files.
     $wait = $script:Run.LockTimeout
     if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     if ($script:Preview) { return }
@@ -683,7 +683,7 @@ function Lock-Host {
     else { Add-Folder -Path $script:Folder }
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:OwnerFile) { Assert-Owner -Path $script:OwnerFile }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    # Who only reads the file has it open for a moment.
+    # A reader has the file open only for a moment.
     if ($wait -lt 2) { $wait = 2 }
     $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $wait)
     while ($null -eq $script:Handle) {
@@ -710,7 +710,7 @@ function Lock-Host {
 function Unlock-Host {
     if ($null -eq $script:Handle) { return }
     $script:Handle.Dispose()
-    # Another run may hold it by now.
+    # Another run may have locked it.
     try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
 }
 
@@ -722,7 +722,7 @@ function Assert-NoLink {
 }
 
 function Assert-Owner {
-    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
+    # A planted journal or folder must not control an administrator or redirect files.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     Assert-NoLink -Path $Path
@@ -733,11 +733,11 @@ function Assert-Owner {
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
 }
 
-# === journal: what a run did, kept on this computer: a line of JSON a record, sealed by its length and a checksum.
+# === journal: the record of a run on this computer: one line of JSON per record, with its length and a checksum.
 function Import-Journal {
-    # What the last run did, by its whole records. A last one that a crash tore is dropped, not the first: else damage.
+    # Read the complete records of the last run. Drop an incomplete last record; anything else is damage.
     if (-not $script:Preview) { Remove-Unused }
-    # Byte by byte: a text reader hides what an editor put before it.
+    # Read bytes: a text reader hides a byte order mark.
     $whole = Read-SharedFile -Path $script:Journal
     if ($null -eq $whole) { return }
     foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
@@ -766,7 +766,7 @@ function Import-Journal {
 }
 
 function Remove-Unused {
-    # A run that was killed before it began left its first record, and may have moved the journal away for it.
+    # A run that was killed at its beginning left its first record, and may have moved the old journal.
     $fresh = $script:Journal + '.new'
     $old = $script:Journal + '.old'
     if (-not ([System.IO.File]::Exists($fresh))) { return }
@@ -783,7 +783,7 @@ function Get-Sealed {
 }
 
 function Add-Record {
-    # It is on the disk when this returns. A torn end is cut off first.
+    # Flush to disk before returning. Remove an incomplete last record first.
     param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
     if ($script:Preview) { return }
     $line = Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)
@@ -792,7 +792,7 @@ function Add-Record {
 }
 
 function Clear-Journal {
-    # The run that it holds becomes history, of which the last hundred are remembered; an undo reverses it.
+    # Move its run to the history, which keeps the last hundred. An undo reverses this.
     $last = $script:Started
     if ($null -eq $last) { return }
     $extra = $script:Past.Count - 99
@@ -811,7 +811,7 @@ function Clear-Journal {
 }
 
 function Read-MadeFile {
-    # The text of a file that rarms made, if nobody edited it since.
+    # Return the text of a file of rarms, if it was not edited.
     param([string] $Path, [string] $Digest)
     $text = Read-SharedFile -Path $Path
     if ($null -eq $text) { throw ('{0} is missing: put it there as rarms wrote it' -f $Path) }
@@ -824,7 +824,7 @@ function Read-MadeFile {
 }
 
 function Get-UnsignedDigest {
-    # Who signs a file adds remarks at its end; all before them was made by rarms.
+    # A signature adds comments at the end. Everything before them is from rarms.
     param([string] $Text)
     Get-Sha256 -Data ([System.Text.Encoding]::GetEncoding(28591).GetBytes(($Text -creplace $script:Signature, '')))
 }
@@ -843,7 +843,7 @@ function Write-FirstRecord {
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
         robot = $plan.Robot; purpose = $plan.Purpose
         script = Read-SharedFile -Path $script:Run.ScriptPath; undo = $undo
-        # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
+        # Write text without the T of ISO dates, which 7 would read as a date. A cast does not depend on the culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past); serials = $script:Serials
         touched = @($script:Touched.Keys | Microsoft.PowerShell.Utility\Sort-Object); kind = 'run_started'
@@ -857,17 +857,17 @@ function Write-FirstRecord {
     Add-Record -Path $fresh -Record $record
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
     Use-SharedFile -Writing -Path $script:Journal -Do {
-        # A replacement that failed half-way may have taken the old one away already.
+        # A failed replacement may already have removed the old file.
         if ([System.IO.File]::Exists($script:Journal)) {
             [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old')
         } else { [System.IO.File]::Move($fresh, $script:Journal) }
     }
 }
 
-# === host: whether a script runs where it was made for, and whether a reserve has any effect there.
+# === host: checks that this is the right host and that reserves have an effect.
 function Assert-VmHost {
     $plan = $script:Plan
-    # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
+    # If 7 loads Hyper-V through 5.1, its cmdlets do not accept their own objects.
     $command = Get-Command -Name 'Hyper-V\Get-VM'
     if ([string] $command.CommandType -cne 'Cmdlet' -or $command.Version.Major -lt 2) {
         Exit-Run -Detail 'this PowerShell does not load Hyper-V 2.0.0.0 itself: start powershell.exe of Server 2016 or later'
@@ -884,7 +884,7 @@ function Assert-VmHost {
             Exit-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
         }
     }
-    # An undo gives back, and promises nothing.
+    # An undo reserves nothing new.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Exit-Run -Detail ('it has {0} logical processors now: make a new plan' -f $vmHost.LogicalProcessorCount)
@@ -897,7 +897,7 @@ function Assert-VmHost {
 }
 
 function Test-RootScheduler {
-    # Event 2 says 4 for root. If the log has lost it, a client Windows has root; for a server the plan knows.
+    # Event 2 has 4 for root. Without the event, a client Windows has root; for a server the plan has a finding.
     try {
         $asked = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         return [int] @(Get-WinEvent -FilterHashtable $asked -MaxEvents 1)[0].Properties[0].Value -eq 4
@@ -905,7 +905,7 @@ function Test-RootScheduler {
     (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion' -Name 'InstallationType') -ceq 'Client'
 }
 
-# === guest: where the script of a guest may run.
+# === guest: checks for the script of a guest.
 function Assert-Guest {
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
     $id = ('' + (Get-KeyValue -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
@@ -915,12 +915,12 @@ function Assert-Guest {
     Exit-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
 }
 
-# === machines: how virtual machines are found, read and marked: never by their names.
+# === machines: find, read and mark virtual machines, never by their names.
 function Get-PartitionReading {
-    # Of the machine with this id, or of the one that this plan makes under this name: of it also whether it was given
-    # more than this disk since, as an undo must not take it away with that.
+    # Read the machine with this id, or the one that this plan creates with this name. Also tell whether the new one got
+    # more than this disk later, because an undo must not remove it then.
     param([string] $Machine = '', [string] $Name = '', [string] $Disk = '', [switch] $Clustered)
-    # Nothing is read twice until a step changes something.
+    # Read only once until a step changes something.
     $at = $script:Current.Address
     if (-not $script:Known.Contains($at)) { $script:Known[$at] = Get-OrdinalTable }
     $live = $script:Known[$at]
@@ -928,7 +928,7 @@ function Get-PartitionReading {
         if ($Name) { $Machine = $script:Machines[$Name] }
         $found = @(if ($Machine) { Find-Machine -Machine $Machine } else { Find-NewMachine -Name $Name })
         foreach ($vm in $found) {
-            # Of what was done nothing is to be changed.
+            # A finished step is not changed.
             $tie = if (-not $Name -and $script:Current.Contains('Set')) { Get-Tie -Vm $vm -Clustered $Clustered }
             if (-not $tie) { continue }
             Exit-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
@@ -949,7 +949,7 @@ function Get-PartitionReading {
         }
     }
     if ($live['exists'] -and (Test-Unread -Live $live -Name 'added')) {
-        # Apart from this disk: other disks, another name, a checkpoint.
+        # Other than this disk: more disks, a different name, a checkpoint.
         $live['added'] = @(
             foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
                 if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
@@ -977,7 +977,7 @@ function Get-MachineList {
 }
 
 function Get-Device {
-    # Of a machine; read with those of all machines where these are listed, and none of them hides the others.
+    # Read a device of a machine; of all machines at once if they are listed. An error of one does not affect others.
     param([string] $Kind, $Vm)
     if (-not $script:Known.Contains('machines')) { return Read-Device -Kind $Kind -Machine $Vm }
     if (-not $script:Known.Contains($Kind)) {
@@ -1003,7 +1003,7 @@ function Test-Unread {
 }
 
 function Get-Mark {
-    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
+    # The mark in a machine's notes. A mark with the id of another machine, or two marks, do not count.
     param($Vm)
     $found = @(foreach ($line in @([string] $Vm.Notes -split '\n')) { if ($line -cmatch $script:MarkForm) { $line } })
     $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
@@ -1014,7 +1014,7 @@ function Get-Mark {
 }
 
 function Get-Tie {
-    # Who else decides over a machine, so that it is not changed here; a plan may accept a cluster. Asked once a run.
+    # Who else manages a machine, so that it is not changed here. A plan may accept a cluster. Read once per run.
     param($Vm, [bool] $Clustered = $false)
     if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
     $known = $Vm.PSObject.Properties['IsClustered']
@@ -1025,13 +1025,13 @@ function Get-Tie {
 }
 
 function Test-Replica {
-    # A replica has the id and the notes of its primary, so that our mark on it says nothing.
+    # A replica has the id and the notes of its primary, so its mark does not count.
     param($Vm)
     @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
 }
 
 function Write-Mark {
-    # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
+    # Write the mark of the step, or none, above the user's lines. Only this text contains values from the host.
     $wanted = $script:Current.After
     $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
     $id = ([string] $script:Vm.Id).Substring(0, 8).ToLowerInvariant()
@@ -1073,7 +1073,7 @@ function Add-MachineReading {
 }
 
 function Add-DeviceReading {
-    # One call for each kind that is asked for and was not read yet: a machine that is removed needs none of them.
+    # Call once for each kind that is needed and not read yet. A removed machine needs none.
     param([System.Collections.IDictionary] $Live)
     $vm = $Live['vm']
     if (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight') {
@@ -1098,7 +1098,7 @@ function Add-DeviceReading {
 }
 
 function Get-ClusterReading {
-    # Whether the cluster knows what steps of this run changed in the machine that this step is about.
+    # Whether the cluster has the changes that this run made to the machine of this step.
     $own = $script:Current.Number
     $machine = $script:Current.Address -creplace '/cluster$', ''
     $recorded = $script:Recorded[[string] $own]
@@ -1110,7 +1110,7 @@ function Get-ClusterReading {
     @{ updated = $updated -or -not $changed.Count }
 }
 
-# === making: the machine that this plan makes: it carries our mark, or before that the plan's pending name.
+# === creation: the machine that this plan creates has the mark, or at first the plan's temporary name.
 function Find-NewMachine {
     param([string] $Name)
     $pending = Get-PendingName -Name $Name
@@ -1127,7 +1127,7 @@ function Get-PendingName {
 }
 
 function Move-NewPartition {
-    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    # Hyper-V created a folder with the temporary name, and a rename keeps that folder. Files already moved stay.
     param([string] $From, [string] $To)
     if (-not (Test-SamePath -Left $script:Vm.Path -Right $To)) {
         Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $To -SnapshotFilePath $To -SmartPagingFilePath $To
@@ -1159,9 +1159,9 @@ function Get-EmptyFolder {
     }
 }
 
-# === capacity: whether the host can keep what it promises, its unmanaged machines included.
+# === capacity: whether the host can honour all reservations, also those of unmanaged machines.
 function Test-Capacity {
-    # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
+    # Whether all reservations fit with this machine's new one: the sum, the memory, and each processor on a logical one.
     param([long] $Processors, [long] $Reserve, [long] $Memory)
     $plan = $script:Plan
     $cpu = if ($plan.ThreadsPerCore -eq 1) { $null } else { Get-Device -Kind 'processors' -Vm $script:Vm }
@@ -1173,10 +1173,10 @@ function Test-Capacity {
     foreach ($vm in @(Get-MachineList)) {
         if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $plan.Application
-        # A replica starts at a failover only.
+        # A replica starts only at a failover.
         $starts = -not $ours -and -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if (-not $starts -and @('off', 'saved') -ccontains (ConvertTo-RunState -State $vm.State)) { continue }
-        # With dynamic memory it may have more now than it starts with.
+        # With dynamic memory it may have more than at its start.
         $most = [long] $vm.MemoryStartup
         if ([long] $vm.MemoryAssigned -gt $most) { $most = [long] $vm.MemoryAssigned }
         $bytes -= $most
@@ -1201,7 +1201,7 @@ function Test-Capacity {
     }
     if ($needed -gt $percent -or $Memory -gt $bytes) { return $false }
     $script:Shortage = 'each of its processors has to fit onto one core with the others: ' + $script:Shortage
-    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
+    # Machines as wide as the host use every core. Place the others largest first, each at the first free place.
     $wide = 0
     $sizes = @()
     foreach ($one in $claims) {
@@ -1219,26 +1219,26 @@ function Test-Capacity {
 }
 
 function ConvertTo-Processor {
-    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.6 LP.
+    # Write per cent as logical processors, with a decimal point: 160 is 1.6 LP.
     param([long] $Percent)
     if ($Percent -lt 0) { return '0 LP' }
     (('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2' -creplace '\.?0+$', '') + ' LP'
 }
 
 function Get-CoreCount {
-    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
+    # The cores that a machine takes if a core runs one machine at a time; otherwise each processor counts as a core.
     param($Cpu, [long] $Processors)
     if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
     $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
-    # Without SMT of its own, it leaves the other thread of each core idle.
+    # Without SMT, it leaves the other thread of each core idle.
     if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
     ($Processors + ($Processors -band 1)) / 2
 }
 
-# === stop: how a virtual machine is stopped, and for how long one that starts has more.
+# === stop: stop a virtual machine, and end a starting reservation.
 function Wait-Start {
     param([long] $Milliseconds)
-    if ($script:WasBegun) { return }  # a run that was killed in this wait has started the machine long ago
+    if ($script:WasBegun) { return }  # the machine was started by an earlier, interrupted run
     $stop = $script:Run.ScriptPath + '.stop'
     $until = [DateTime]::UtcNow.AddMilliseconds($Milliseconds)
     while ([DateTime]::UtcNow -lt $until -and -not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop)) {
@@ -1247,12 +1247,12 @@ function Wait-Start {
 }
 
 function Stop-Partition {
-    # Asks a guest, forces it from half of the grace on, turns it off at its end. A refusal is reported and waited out.
+    # Ask the guest to shut down, force it after half of the grace, turn it off at its end. Report refusals and wait.
     param([long] $GraceMs)
     $vm = $script:Vm
     $begun = [DateTime]::UtcNow
     $until = $begun.AddMilliseconds($GraceMs)
-    # -Force gives programs five minutes and no more: a longer grace is not cut short by it.
+    # -Force gives programs at most five minutes, so start it late enough for a longer grace.
     $plain = if ($GraceMs -gt 600000) { $GraceMs - 300000 } else { $GraceMs / 2 }
     $force = $begun.AddMilliseconds($plain)
     $asked = ''
@@ -1283,14 +1283,14 @@ function Stop-Partition {
 function Test-ShutdownService {
     param($Vm)
     foreach ($one in @(Hyper-V\Get-VMIntegrationService -VM $Vm)) {
-        # By its id: its name is in the host's language.
+        # Use its id: its name is in the host's language.
         if (-not (([string] $one.Id).ToLowerInvariant() -clike '*9f8233ac-be49-4c79-8ee3-e7e1985b2077')) { continue }
         return $one.Enabled -and @('Ok', 'Degraded') -ccontains [string] $one.PrimaryOperationalStatus
     }
     $false
 }
 
-# === disks: how virtual disks are read.
+# === disks: read virtual disks.
 function Get-DiskReading {
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
@@ -1324,7 +1324,7 @@ function Test-SamePath {
     Test-Same -AnyCase -Left ($Left.Replace('/', '\')) -Right ($Right.Replace('/', '\'))
 }
 
-# === tasks: how multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
+# === tasks: read and write multimedia task classes with typed values, and the records of rarms.
 function Get-TaskClassReading {
     param([string] $Task)
     $live = Get-OrdinalTable
@@ -1340,7 +1340,7 @@ function Get-TaskClassReading {
         if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
         $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
         $live['exists'] = $true
-        # Windows does not tell the case of a value's name apart.
+        # Windows ignores case in the names of values.
         $live['values'] = $names -join ', '
     }
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:RecordRoot)) { return $live }
@@ -1363,14 +1363,14 @@ function Get-TaskValueName {
 }
 
 function Get-TaskPath {
-    # SystemResponsiveness is one value of the key above the task classes; our record of it lies among theirs.
+    # SystemResponsiveness is a value of the parent key of the task classes. Its record is next to theirs.
     param([string] $Task)
     if ($Task -ceq 'SystemResponsiveness') { return $script:ProfileRoot }
     '{0}\Tasks\{1}' -f $script:ProfileRoot, $Task
 }
 
 function Write-TaskValue {
-    # A value that is there already is left, here and below: a step that was killed goes on where it stopped.
+    # Keep values that are already set, here and below, so that an interrupted step continues.
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
@@ -1397,7 +1397,7 @@ function Remove-TaskClass {
 }
 
 function Write-TaskRecord {
-    # What was there before comes first, the digest last: without it the record does not count.
+    # Write the earlier values first and the digest last: without a digest the record does not count.
     param([string] $Task, [string] $Application, [string] $Robot, [string] $Digest, [string] $Before)
     $path = Get-RecordPath -Task $Task -Application $Application
     foreach ($one in @($script:RecordRoot, ('{0}\{1}' -f $script:RecordRoot, $Application), $path)) { Add-Key -Path $one }
@@ -1423,7 +1423,7 @@ function Get-KeyValue {
 }
 
 function Test-EmptyKey {
-    # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
+    # Whether an interrupted run left empty keys: a class without values, a record without its digest, or its parent key.
     param([string] $Task)
     $application = '{0}\{1}' -f $script:RecordRoot, $script:Plan.Application
     $record = '{0}\{1}' -f $application, $Task
@@ -1446,7 +1446,7 @@ function Get-RecordPath {
 }
 
 function Add-Key {
-    # Never with -Force, which would empty a key that is there.
+    # Do not use -Force: it would clear an existing key.
     param([string] $Path)
     if (-not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
@@ -1456,10 +1456,10 @@ function Remove-Key {
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }
 
-# === unseen: task classes of a guest that could not be looked into, so that its own record decides.
+# === unread: task classes of a guest that was not read, so the record in the guest decides.
 function Get-GuestTaskClassReading {
-    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or
-    # with values that could not be brought back: text with variables, lists, bytes, names that cmdlets read as patterns.
+    # Like Get-TaskClassReading, with whether the class must not be changed: it is from another application or older, or
+    # has values that cannot be restored: text with variables, lists, bytes, names that cmdlets read as patterns.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Get-TaskClassReading -Task $Task
     $ours = Test-Same -Left $live['record'] -Right $Application
@@ -1474,7 +1474,7 @@ function Get-GuestTaskClassReading {
 }
 
 function Save-TaskRecord {
-    # What was there before rarms is kept once; a record that is ours already knows it.
+    # Save the values from before rarms only once.
     param([string] $Task, [string] $Application, [string] $Digest)
     $live = Get-TaskClassReading -Task $Task
     $before = 'null'
@@ -1495,7 +1495,7 @@ function Save-TaskRecord {
 function Restore-TaskClass {
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
-    # Without its digest nothing was written yet; without the record all is back.
+    # Without a digest nothing was written. Without a record everything is restored.
     if (-not (Get-KeyValue -Path $path -Name 'set')) { return }
     $before = ConvertFrom-Json -InputObject ('' + (Get-KeyValue -Path $path -Name 'before'))
     if ($null -eq $before) { return Remove-TaskClass -Task $Task }
@@ -1507,16 +1507,16 @@ function Restore-TaskClass {
 
 # === shared: files that another program may read, write, replace or delete at any time.
 function Use-SharedFile {
-    # Gives what the block gives, as soon as no other program is in its way; that takes up to five seconds. A replacement
-    # takes a file's name away for a moment; a file that stays away is missing, and reading it gives nothing.
+    # Return the result of the block; retry for up to five seconds while another program uses the file. A replacement
+    # removes a file's name for a moment. A file that stays away is missing, and reading it gives nothing.
     param([string] $Path, [scriptblock] $Do, [switch] $Writing)
     for ($attempt = 1; $true; $attempt++) {
         try { return & $Do } catch [System.UnauthorizedAccessException] {
-            # Windows denies also a file that is being deleted.
+            # Windows also denies access to a file that is being deleted.
             if ($attempt -ge 20) { throw }
         } catch [System.IO.IOException], [System.Management.Automation.ItemNotFoundException] {
             if (-not $Writing -and $attempt -ge 5 -and -not ([System.IO.File]::Exists($Path))) { return }
-            # The codes of Windows for a full disk, and that of Linux.
+            # The codes for a full disk on Windows and Linux.
             if (@(39, 112, 28) -ccontains ($_.Exception.HResult -band 65535)) { throw ('{0}: the disk is full' -f $Path) }
             $text = '{0} cannot be used, close the program that has it open: {1}'
             if ($attempt -ge 100) { throw ($text -f $Path, $_.Exception.Message) }
@@ -1526,7 +1526,7 @@ function Use-SharedFile {
 }
 
 function Read-SharedFile {
-    # The bytes of a file as text, one character a byte; nothing where it is missing.
+    # Return the bytes of a file as text, one character per byte; nothing if the file is missing.
     param([string] $Path)
     Use-SharedFile -Path $Path -Do {
         $stream = [System.IO.FileStream]::new($Path, 'Open', 'Read', 'ReadWrite, Delete')
@@ -1537,15 +1537,15 @@ function Read-SharedFile {
     }
 }
 
-# === receiver: what ssh, WinRM or a script with the installed module starts: scripts come on its standard input.
+# === receiver: started by ssh, WinRM or a script with the installed module. It reads scripts from standard input.
 function Receive-RarmsPlan {
     <#
     .SYNOPSIS
-        Takes scripts from standard input, checks their SHA-256, runs the first, and gives its exit code.
+        Reads scripts from standard input, checks their SHA-256, runs the first, and returns its exit code.
     .DESCRIPTION
-        Input: 8 digits, the length of a table; the table, a line for the arguments and one `name length sha256` a file;
-        then their bytes. Text that ends with a dot, `3 run 45 55.`, is put next to the script, which reads it; `o` says
-        that nothing follows and it goes on; `s`, or the input's end, asks it to stop before its next step.
+        Input: 8 digits with the length of a table; the table: a line of arguments and one line `name length sha256` per file;
+        then the bytes of the files. Text that ends with a dot, `3 run 45 55.`, is written next to the script; `o` means
+        that nothing follows and the script continues; `s`, or the end of input, asks it to stop before its next step.
     #>
     [CmdletBinding(PositionalBinding = $false)] [OutputType([int])]
     param([Parameter(Mandatory)] [System.IO.Stream] $Source)
@@ -1599,7 +1599,7 @@ function Receive-RarmsPlan {
                 $line += $ascii.GetString($data, 0, $more.Result)
                 $kind = if ($more.Result -eq 0 -or $line -cmatch '(^|\.)s$') { '.stop' } else { '.next' }
                 $more = if ($kind -ceq '.next' -and $line -cne 'o') { $Source.ReadAsync($data, 0, $data.Length) }
-                # The rest of a line may come later.
+                # The rest of a line may arrive later.
                 if ($kind -ceq '.next' -and $line -cnotmatch '\.$') { continue }
                 Write-SharedFile -Path ($main + $kind) -Text $line
                 $line = ''
@@ -1618,7 +1618,7 @@ function Receive-RarmsPlan {
 }
 
 function Clear-LeftFolder {
-    # Removes what killed receivers left of this user: folders with a file that neither a receiver nor its script holds.
+    # Remove folders of interrupted receivers of this user: neither a receiver nor a script has their file open.
     param([string] $User)
     foreach ($folder in @([System.IO.Directory]::GetDirectories([System.IO.Path]::GetTempPath(), 'rarms-*'))) {
         try {
@@ -1632,7 +1632,7 @@ function Clear-LeftFolder {
 }
 
 function Wait-Child {
-    # Asks a script to end before its next step, and waits for that. A script that cannot be asked is ended.
+    # Ask a script to end before its next step, and wait. End a script that does not respond.
     param([System.Diagnostics.Process] $Child, [string] $Script)
     if ($Child.HasExited) { return }
     try { Write-SharedFile -Path ($Script + '.stop') -Text 's' } catch { if (-not $Child.HasExited) { $Child.Kill() } }
@@ -1640,7 +1640,7 @@ function Wait-Child {
 }
 
 function Write-SharedFile {
-    # Writes text from this byte on to the file's end. It is on the disk when this returns.
+    # Write text at this byte and flush it to disk.
     param([string] $Path, [string] $Text, [long] $From = 0)
     [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($Text)
     $stream = Use-SharedFile -Writing -Path $Path -Do {
@@ -1655,7 +1655,7 @@ function Write-SharedFile {
 }
 
 function Protect-Path {
-    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    # Set the owner explicitly: policies and ssh logons give new files different owners.
     param([string] $Path, [string] $Descriptor, [string] $Sections = 'All')
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path

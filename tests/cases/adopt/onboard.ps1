@@ -7,21 +7,21 @@
     Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something (and how often): Write-Mark 1.
 .PARAMETER AsJson
-    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
+    Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
-    Seconds to wait for another run on this computer to end, 0 to 86400.
+    Seconds to wait for another run on this computer, 0 to 86400.
 .PARAMETER Abandon
-    Close this plan's unfinished run and change nothing else.
+    Closes this plan's unfinished run. Changes nothing else.
 .PARAMETER Force
-    Asks nothing before it stops, removes or deletes.
+    Does not ask before stopping, removing or deleting.
 .PARAMETER Test
-    Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
+    Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows what it would do; without -WhatIf it does it. To undo it, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
-    Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 637740d0c075259ae08a1510674890c77a91b9dd7e75193d4d0aa2f5134ac0ca, Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 3b08965eceaf01326bcb0b29ec5f47d49367645ac3d5be308e367d9645ff768a, Rarms.psm1 CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'import'; Plan = '634e9a6a22fc'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '637740d0c075259ae08a1510674890c77a91b9dd7e75193d4d0aa2f5134ac0ca'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3b08965eceaf01326bcb0b29ec5f47d49367645ac3d5be308e367d9645ff768a'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -46,11 +46,11 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '0badcafe-1111-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/vision, set 0a9aee4ba82c' -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -Set { Write-Mark }
 }
-#region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
+#region Load the module of rarms 0.1.0, if its two files are unchanged except for signatures.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84'
+    'Rarms.psm1' = 'CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
@@ -60,8 +60,8 @@ foreach ($name in @($digests.Keys)) {
     $text = [System.Text.Encoding]::ASCII.GetString($data)
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
     if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
-    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
-    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
+    if ($text -cmatch '\r') { throw ('{0} is not from rarms 0.1.0: copy that version' -f $file) }
+    throw ('{0} has changed line ends: in git, set "*.ps* -text"' -f $file)
 }
 $file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
 $rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket

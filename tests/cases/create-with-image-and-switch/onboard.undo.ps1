@@ -9,21 +9,21 @@
     Only these calls change something (and how often): Remove-Item 1, Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
     Not undone: vision: all data on the disk created from D:\images\base.vhdx is lost
 .PARAMETER AsJson
-    One JSON object a line on standard output, for a program to read; not with -Verbose, whose lines are none.
+    Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
-    Seconds to wait for another run on this computer to end, 0 to 86400.
+    Seconds to wait for another run on this computer, 0 to 86400.
 .PARAMETER Abandon
-    Close this plan's unfinished run and change nothing else.
+    Closes this plan's unfinished run. Changes nothing else.
 .PARAMETER Force
-    Asks nothing before it stops, removes or deletes.
+    Does not ask before stopping, removing or deleting.
 .PARAMETER Test
-    Gives an object for each step, with -AsJson one for all, which says whether it is as wanted; changes nothing.
+    Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
-    Exit code 0: done. 1: a step failed or was declined, run it again to go on. 3: the host is not as planned, or held.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84.
+    Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD.
 #>
 
 #Requires -Version 5.1
@@ -63,11 +63,11 @@ $plan = {
         Remove-PartitionFolder -From 'D:\machines\vision.rarms-2c6d65eb0ba5' -To 'D:\machines\vision'
     }
 }
-#region The module of rarms 0.1.0 does this, and no other: these two files, to the byte before a signature.
+#region Load the module of rarms 0.1.0, if its two files are unchanged except for signatures.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = '530207B4F62820265D3CB54567DE35DA0DF7F17C9533720C125348E20E18BB84'
+    'Rarms.psm1' = 'CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
@@ -77,8 +77,8 @@ foreach ($name in @($digests.Keys)) {
     $text = [System.Text.Encoding]::ASCII.GetString($data)
     $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, ($text -creplace $form, '').Length)
     if ([System.BitConverter]::ToString($sum).Replace('-', '') -ceq $digests[$name]) { continue }
-    if ($text -cmatch '\r') { throw ('{0} is not that of rarms 0.1.0: put it there' -f $file) }
-    throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $file)
+    if ($text -cmatch '\r') { throw ('{0} is not from rarms 0.1.0: copy that version' -f $file) }
+    throw ('{0} has changed line ends: in git, set "*.ps* -text"' -f $file)
 }
 $file = [WildcardPattern]::Escape([System.IO.Path]::Combine($folder, 'Rarms.psm1'))
 $rarms = Import-Module -Name $file -Force -PassThru -Function '*-Rarms*' # a .psd1 fails in a folder with a bracket
