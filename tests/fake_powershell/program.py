@@ -219,7 +219,7 @@ def bootstrap(folder: Path, how: How, encoded: str) -> int:
         return 1
     print(READY, flush=True)
     if take(int(take(8))) != render_receiver():
-        print(f"{FAILED} the receiver that came is another than was sent: run the command again", flush=True)
+        print(f"{FAILED} the receiver was damaged on its way: run the command again", flush=True)
         return FAILED_CODE
     return take_scripts(folder, how)
 

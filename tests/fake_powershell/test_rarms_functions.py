@@ -93,7 +93,7 @@ def test_module_folder_script_observes_the_computer(host: WindowsHost, data: byt
         ({"Rarms/observe.ps1": signed(render_observe()) + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
         (
             {"Rarms/observe.ps1": render_observe().replace(b"\r\n", b"\n")},
-            'observe.ps1 has other line ends than it was made with: git needs "*.ps* -text"',
+            'observe.ps1 has changed line ends: in git, set "*.ps* -text"',
         ),
     ],
     ids=["missing", "a line more", "a line behind the block", "line ends"],

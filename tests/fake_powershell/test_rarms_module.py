@@ -221,9 +221,9 @@ def test_script_without_its_folder_says_where_it_belongs() -> None:
         (without(MODULE), "Rarms.psm1 is missing: copy the folder Rarms next to this script"),
         (
             changed(MODULE, lambda data: data.replace(b"\r\n", b"\n")),
-            "Rarms.psm1 has other line ends than it was made with",
+            "Rarms.psm1 has changed line ends",
         ),
-        (changed(MODULE, lambda data: data + b"#"), "Rarms.psm1 is not that of rarms"),
+        (changed(MODULE, lambda data: data + b"#"), "Rarms.psm1 is not from rarms"),
     ],
     ids=["missing", "line ends", "edited"],
 )

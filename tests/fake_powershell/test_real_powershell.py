@@ -251,7 +251,7 @@ def test_line_ends_that_git_changed_are_called_so() -> None:
 
     ran = run(host, apply_script(prepared.plan))
 
-    assert (ran.code, "has other line ends than it was made with" in ran.says) == (1, True), ran.says
+    assert (ran.code, "has changed line ends" in ran.says) == (1, True), ran.says
 
 
 def test_missing_undo_script_is_named() -> None:

@@ -21,7 +21,7 @@ $ConfirmPreference = 'None'
 $script:Whole = @{ Address = 'host'; Number = 0 }  # used in events that are not about a step
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = '7b0cbfa44721463792ea4b93789343a103bf618989cb26e7f213e6736cb41ad2'
+$script:Observe = '6fe840e777775706ac5e072c5e557c43a6a12a87a3abb5b8a0ff8b5f03f12ec5'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -818,7 +818,7 @@ function Read-MadeFile {
     if ((Get-UnsignedDigest -Text $text) -ceq $Digest) { return $text }
     $text = $text -creplace '\r?\n', ('' + [char] 13 + [char] 10)
     if ((Get-UnsignedDigest -Text $text) -ceq $Digest) {
-        throw ('{0} has other line ends than it was made with: git needs "*.ps* -text"' -f $Path)
+        throw ('{0} has changed line ends: in git, set "*.ps* -text"' -f $Path)
     }
     throw ('{0} was edited: put it there as rarms wrote it' -f $Path)
 }
@@ -1543,7 +1543,7 @@ function Receive-RarmsPlan {
     .SYNOPSIS
         Reads scripts from standard input, checks their SHA-256, runs the first, and returns its exit code.
     .DESCRIPTION
-        Input: 8 digits with the length of a table; the table: a line of arguments and one line `name length sha256` per file;
+        Input: 8 digits with the length of a table; the table: a line of arguments, and a line `name length sha256` per file;
         then the bytes of the files. Text that ends with a dot, `3 run 45 55.`, is written next to the script; `o` means
         that nothing follows and the script continues; `s`, or the end of input, asks it to stop before its next step.
     #>

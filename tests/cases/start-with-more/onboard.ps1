@@ -23,7 +23,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo dfede22384e23d5d50ae41dc9ff22b4fd8ec74d27760ce069cb5ead82f1a3775, Rarms.psm1 CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo 797b67c050a0605e5d48605df88ba09454d8258e274e5db63ed80931d23e97cd, Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '00ff16152bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'dfede22384e23d5d50ae41dc9ff22b4fd8ec74d27760ce069cb5ead82f1a3775'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '797b67c050a0605e5d48605df88ba09454d8258e274e5db63ed80931d23e97cd'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -99,11 +99,11 @@ $plan = {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
-#region Load the module of rarms 0.1.0, if its two files are unchanged except for signatures.
+#region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'CB496E3BFE434C27E21917F4A12F5BA27139FC331507C32FBEB9ACAC256040BD'
+    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
