@@ -56,7 +56,7 @@ export const showPlot = (plot) => {
 
 // What is written is the level alone, here as by `rarms select`.
 const fixedSentence = (card) =>
-  card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}: with cpu: { reserve: measured } it follows the level.` : "";
+  card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}: with cpu: { reserve: measured } it would follow the level.` : "";
 
 const capitalised = (text) => text[0].toUpperCase() + text.slice(1);
 
@@ -84,7 +84,7 @@ const levelSentence = (card, reserve) => {
   const deciding = wanted(card).filter((plot) => leastReserve([plot]) === reserve);
   const measured = deciding.every((plot) => plot.measured.includes(reserve));
   const where = deciding.map((plot) => `${plot.component} ${plot.index} ${inWords(plot)}`).join(", ");
-  return `For ${where}. ${measured ? "Measured." : "Interpolated: not itself measured."}`;
+  return `For ${where}. ${measured ? "Measured." : "Interpolated, not measured."}`;
 };
 
 const manifestLines = (card) => {
@@ -140,7 +140,7 @@ export const showTotals = (page) => {
     const sentence = fit.querySelector(".sentence");
     const reserved = `${unknown ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
     const otherwise = fixedOtherwise(capacity, page.cards).map((card) => card.name);
-    const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes another reserve, which stays until it says measured.` : "";
+    const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes a different reserve, which applies until it is set to measured.` : "";
     textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.otherClaims}. ${message}.${fixed}`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));

@@ -126,7 +126,7 @@ const showPreview = async (edit, levels) => {
     problem = error.message;
   }
   previews.set(edit, { levels, digest: shown.digest });
-  edit.querySelector(".difference").textContent = shown.difference || (problem ? "Nothing can be written." : "The manifest says so already.");
+  edit.querySelector(".difference").textContent = shown.difference || (problem ? "Nothing can be written." : "The manifest already has this value.");
   edit.querySelector(".follows").textContent = problem || `${commands}\n${shown.text}`;
   edit.querySelector(".write").hidden = shown.difference === "";
   edit.hidden = false;

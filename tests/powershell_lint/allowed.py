@@ -117,7 +117,7 @@ MEMBERS = READING_MEMBERS | words(
     ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
     ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
-    Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
+    Request Ticks Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
     Logon arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess GetDirectories IsCompleted MainModule
     NewGuid Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock

@@ -551,7 +551,9 @@ def test_killed_server_is_told_and_replaced(browser: "WebDriver", slow: Path) ->
         killed_while_measuring(served)
         waits_for(browser, "return !document.getElementById('connection').hidden")
         told = browser.find_element("id", "connection").text
-        assert told.startswith("The server is gone, and what ran ended with it: start rarms studio again")
+        assert told.startswith(
+            "The server is not running, and the running action ended with it. Start rarms studio again"
+        )
         assert not browser.find_element("id", "work-stop").is_displayed()
         assert shown(browser, "work-status") == "was cut off."
     with studio(slow) as again:
@@ -580,11 +582,11 @@ def test_deleted_cookies_do_not_mean_server_gone(browser: "WebDriver", tmp_path:
         with (tmp_path / "rarms.yaml").open("a", encoding="utf-8") as manifest:
             manifest.write("# later\n")
         waits_for(browser, "return !document.getElementById('connection').hidden")
-        assert browser.find_element("id", "connection").text.startswith(
-            "The studio does not know this browser any more"
-        )
+        assert browser.find_element("id", "connection").text.startswith("The studio no longer accepts this browser")
         assert served.closes() == 0
-        waits_for(browser, "return document.getElementById('connection').innerText.startsWith('The server is gone: ')")
+        waits_for(
+            browser, "return document.getElementById('connection').innerText.startsWith('The server is not running. ')"
+        )
     assert any("403" in text for text in messages_of_errors(browser))
 
 
@@ -679,7 +681,9 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
         opens(browser, served)
         before = waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
         assert before.startswith("1 LP of 2 LP reserved"), "the manifest fixes 0.6 LP and 0.4 LP"
-        assert "With the lines as they are now." in browser.find_element("css selector", "[data-key=summary]").text
+        assert (
+            "For the current position of the lines." in browser.find_element("css selector", "[data-key=summary]").text
+        )
         browser.find_element("id", "m1-1-line").send_keys("\ue011")  # Home
         assert shown(browser, "m1-reserve") == "Not achieved"
         browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0]))")
@@ -687,7 +691,7 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
         assert sentence.startswith("At least 1 LP of 2 LP reserved")
         assert sentence.endswith("Headroom of onboard: not known: control is not achieved.")
         assert shown(browser, "m1-headroom") == "Headroom of onboard: not known: control is not achieved."
-        assert shown(browser, "m1-level").endswith("with cpu: { reserve: measured } it follows the level.")
+        assert shown(browser, "m1-level").endswith("with cpu: { reserve: measured } it would follow the level.")
         assert "cpu" not in shown(browser, "m1-manifest"), "the edit is the level alone, as the button shows it"
         hidden = "return document.querySelectorAll('#m1-1-reserves > text[visibility=hidden]').length"
         assert browser.execute_script(hidden) == 0, "a mark that is not shown covers no label"
@@ -695,7 +699,8 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
 
 def test_bar_counts_line_despite_fixed_reserve(browser: "WebDriver", shared: Studio) -> None:
     remark = (
-        " This counts control by the lines; the manifest fixes another reserve, which stays until it says measured."
+        " This counts control by the lines; the manifest fixes a different reserve, which applies until it is set to "
+        "measured."
     )
     opens(browser, shared)
     waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")

@@ -107,7 +107,7 @@ def test_stale_log_is_named_and_not_drawn(robot: Path, tmp_path: Path) -> None:
     assert (ran.code, page.code) == (0, 0)
     assert "stale: vision.simulation.work: 60 ms -> 70 ms" in ran.out
     assert len(ran.lines) < len(fresh.lines) - 5
-    assert "<summary>What it showed then</summary>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<summary>Earlier results</summary>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_report_reads_each_log_once(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:

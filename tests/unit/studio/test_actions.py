@@ -208,7 +208,7 @@ def test_missing_or_broken_manifest_is_named(client: Client, folder: Path) -> No
         assert "rarms.yaml</h1>" in page
         assert page.count("<details") == page.count(" open>") == 1, "the finding is not folded"
         assert 'id="hosts"' not in page
-        assert "Nothing was measured yet" not in page
+        assert "Nothing is measured yet" not in page
     shown = client.get().text
     assert "| unknown: 1\n" in shown, "the line of the file"
     assert " | ^^^^^^^" in shown

@@ -15,15 +15,15 @@ options:
       - The inventory plugin P(rarms.fleet.manifests#inventory) sets it as C(rarms_manifest).
     type: path
   overlays:
-    description: Overlays of this robot, the last one wins; C(rarms_overlays) of the inventory otherwise.
+    description: Overlays of this robot; the last one has priority. Default is C(rarms_overlays) of the inventory.
     type: list
     elements: path
   host:
-    description: Which host of the manifest this robot is; C(rarms_host) of the inventory, or the only one, otherwise.
+    description: The host of the manifest for this robot. Default is C(rarms_host) of the inventory, or the only host.
     type: str
   unreachable:
     description:
-      - What a robot is that cannot be reached.
+      - The result for a robot that cannot be reached.
       - V(failed) counts for C(max_fail_percentage) and C(any_errors_fatal). In ansible-core an unreachable host in a
         batch switches both off (ansible/ansible#56265).
     type: str
@@ -35,11 +35,11 @@ requirements:
 attributes:
   check_mode:
     support: none
-    description: Can run in C(check_mode) and say what would change.
+    description: Can run in C(check_mode) and show the changes.
   diff_mode:
     support: none
-    description: Returns what changes, an entry for each address, in diff mode.
+    description: Returns the changes in diff mode, one entry for each address.
   action:
     support: full
-    description: Runs on the controller, and reaches the robot by Ansible's own connection.
+    description: Runs on the controller, and uses Ansible's own connection to the robot.
 """

@@ -9,11 +9,11 @@ author: The rarms authors (@rarms)
 short_description: Robots of a rarms manifest and its overlays
 version_added: 0.1.0
 description:
-  - Makes one host of the inventory for each overlay of a manifest, named after the overlay's file, or one for each host
-    of the manifest where no overlays are named.
-  - Reads files that are called C(*fleet.yml) or C(*fleet.yaml).
-  - A robot whose overlay is broken comes with a warning, in the group C(rarms_invalid), and fails its own rarms tasks
-    alone. So does a robot that has the name of a group or of another robot; it is called after its overlay's path.
+  - Creates one inventory host for each overlay of a manifest, named after the overlay's file. Without overlays, creates
+    one for each host of the manifest.
+  - Reads files named C(*fleet.yml) or C(*fleet.yaml).
+  - A robot with an invalid overlay gets a warning and is in the group C(rarms_invalid). Only its own rarms tasks fail.
+    The same applies to a robot with the name of a group or of another robot; it is then named after its overlay's path.
 extends_documentation_fragment: constructed
 requirements: [rarms-iac]
 options:
@@ -31,14 +31,14 @@ options:
     elements: str
     default: []
   common:
-    description: Overlays that lie below each robot's own, relative to this file.
+    description: Overlays that are applied before each robot's own, relative to this file.
     type: list
     elements: str
     default: []
 """
 
 EXAMPLES = """
-# robots.fleet.yml: rarms.yaml for all, robots/r-001.yaml and so on for what is particular to one.
+# robots.fleet.yml: rarms.yaml for all robots, robots/r-001.yaml and so on for the differences of one.
 plugin: rarms.fleet.manifests
 manifest: rarms.yaml
 overlays: [robots/*.yaml]

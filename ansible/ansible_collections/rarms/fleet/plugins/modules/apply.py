@@ -9,37 +9,37 @@ author: The rarms authors (@rarms)
 short_description: Plan a robot, apply the plan, or remove what rarms made there
 version_added: 0.1.0
 description:
-  - Makes the robot's partitions and CPU reservations as its rarms manifest wants them, in an order in which the robot
-    never promises more than it has.
-  - A Linux robot needs the controller's version of C(rarms), which the role P(rarms.fleet.install#role) puts there, and
+  - Creates and changes the robot's partitions and CPU reservations as its rarms manifest requires. The reservations fit
+    the robot after each step.
+  - A Linux robot needs the controller's version of C(rarms), which the role P(rarms.fleet.install#role) installs, and
     root, by C(become) or by the connection.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   state:
     description:
-      - V(planned) writes what would change to O(plan); C(--check --diff) with V(applied) shows it.
-      - V(applied) does what the manifest asks for, or exactly what O(plan) says.
-      - V(absent) removes everything that carries the application's mark; disks of Hyper-V machines are kept.
+      - V(planned) writes the changes to O(plan); C(--check --diff) with V(applied) shows it.
+      - V(applied) applies the manifest, or exactly the plan in O(plan).
+      - V(absent) removes everything with the application's mark; disks of Hyper-V machines are kept.
     type: str
     choices: [planned, applied, absent]
     default: applied
   plan:
     description:
       - A plan file on the controller; one for each robot, so its name should hold C(inventory_hostname).
-      - V(planned) writes it, making its folder, and removes an earlier one where no plan can be made.
-      - V(applied) does what it says, and refuses where it was edited or used, or where the robot changed since.
+      - V(planned) writes it and creates its folder. If no plan can be made, an earlier file is removed.
+      - V(applied) applies it. A plan is refused if it was edited or used, or if the robot has changed since.
     type: path
   max_disruption:
-    description: Hold back what disturbs more; as the manifest's policy says otherwise.
+    description: Hold back changes that disrupt more than this. Default is the manifest's policy.
     type: str
     choices: [live, partition_stop, host_restart, removal]
   unfinished:
-    description: What becomes of a run that was begun on the robot earlier and did not end.
+    description: What to do with an earlier, unfinished run on the robot.
     type: str
     choices: [finish, undo, abandon, fail]
     default: finish
   lock_timeout:
-    description: How long to wait for a robot that another run holds, as V(60s).
+    description: How long to wait for a robot that another run has locked, such as V(60s).
     type: str
     default: 0s
 attributes:
@@ -50,16 +50,16 @@ attributes:
 """
 
 EXAMPLES = """
-- name: What would change, as files for a review
+- name: Write plans for a review
   rarms.fleet.apply:
     state: planned
     plan: "plans/{{ inventory_hostname }}.json"
 
-- name: Do exactly what was reviewed
+- name: Apply the reviewed plans
   rarms.fleet.apply:
     plan: "plans/{{ inventory_hostname }}.json"
 
-- name: Do what the manifest asks for, without a restart of any partition
+- name: Apply the manifest without restarting a partition
   rarms.fleet.apply:
     max_disruption: live
 """

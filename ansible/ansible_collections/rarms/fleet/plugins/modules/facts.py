@@ -6,10 +6,10 @@ from __future__ import annotations
 DOCUMENTATION = """
 module: facts
 author: The rarms authors (@rarms)
-short_description: Look at a robot's partitions and at what was proven there
+short_description: Read the partitions and proofs of a robot
 version_added: 0.1.0
 description:
-  - Returns how the application stands on the robot, and a snapshot that C(rarms plan --snapshot) reads.
+  - Returns the status of the application on the robot, and a snapshot that C(rarms plan --snapshot) reads.
   - Changes nothing.
 extends_documentation_fragment: rarms.fleet.robot
 attributes:
@@ -18,10 +18,10 @@ attributes:
 """
 
 EXAMPLES = """
-- name: Look at the robot
+- name: Read the robot
   rarms.fleet.facts:
 
-- name: Keep a snapshot of it, with which a pull request is planned
+- name: Save a snapshot to plan pull requests with
   ansible.builtin.copy:
     content: "{{ ansible_facts.rarms.snapshot }}"
     dest: "snapshots/{{ inventory_hostname }}.json"

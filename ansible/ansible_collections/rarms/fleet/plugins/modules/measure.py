@@ -6,18 +6,18 @@ from __future__ import annotations
 DOCUMENTATION = """
 module: measure
 author: The rarms authors (@rarms)
-short_description: Measure on one robot what CPU reservation its components need
+short_description: Measure on one robot the CPU reservations that components need
 version_added: 0.1.0
 description:
   - Finds the least reservation with which each component meets its thresholds, for all robots of one platform.
-  - Run it on one idle robot of each, as the role P(rarms.fleet.measure#role) does.
+  - Run it on one idle robot of each platform, as the role P(rarms.fleet.measure#role) does.
   - A simulated robot is measured on the controller. A Linux robot measures itself. It needs C(rarms) of the
     controller's version, and the components' files in the folder that the manifest names, C(connect) with C(folder).
   - The data logs are next to the manifest on the controller, for git. They grow with each measured setting.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   components:
-    description: Which components; none means all that have a threshold.
+    description: The components to measure; empty means all that have a threshold.
     type: list
     elements: str
     default: []
@@ -46,7 +46,7 @@ logs:
   elements: str
   returned: always
 new_settings:
-  description: How many settings were measured now; what was recorded earlier is not run again.
+  description: The number of new settings. Recorded settings are not measured again.
   type: int
   returned: always
 """

@@ -6,11 +6,11 @@ from __future__ import annotations
 DOCUMENTATION = """
 module: prove
 author: The rarms authors (@rarms)
-short_description: Show that the components of a robot meet their thresholds all together
+short_description: Prove that all components of a robot meet their thresholds together
 version_added: 0.1.0
 description:
-  - Runs all components in the applied layout, under the loads of the manifest's policy, and fails where a
-    threshold is missed or was not shown to be met.
+  - Runs all components in the applied layout, under the loads of the manifest's policy, and fails if a
+    threshold is missed or is not shown to be met.
   - Uses all idle time of the robot while it lasts.
   - A Linux robot proves itself. It needs C(rarms) of the controller's version, and the components' files in the folder
     that the manifest names, C(connect) with C(folder).
