@@ -67,7 +67,8 @@ def _other_robot(
     yield OTHERS_RUN.at(
         None,
         "{_subject} the robot {robot:quoted}, but this manifest is for {_own}.",
-        f"Nothing was changed. Check the host's address, or give that robot's overlay, {robot}.yaml, last.",
+        f"Nothing was changed. Check the host's address, or use that robot's overlay, {robot}.yaml, as the last "
+        f"overlay.",
         address=address,
         host=host,
         robot=robot,

@@ -189,7 +189,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
     )
     advice = prose("Undo it with that application's manifest: ", command("undo", f="MANIFEST"), ".")
     if started.application == application.name:
-        advice = prose(f"Give that robot's overlay, {started.robot}.yaml, last.")
+        advice = prose(f"Use that robot's overlay, {started.robot}.yaml, as the last overlay.")
     return OTHERS_RUN.of_host(
         host,
         "{_run} on {host} belongs to the application {_begun_for}, started by {owner}. This manifest is for {_own}.",

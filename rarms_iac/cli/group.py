@@ -18,7 +18,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "init": "Write a commented manifest to start from.",
         "validate": "Check manifests without a host.",
-        "fmt": "Write manifests in their canonical form, comments kept.",
+        "fmt": "Write manifests in canonical form, with their comments.",
         "install": "Install rarms on Linux hosts over ssh, or remove it there.",
         "doctor": "Check that the hosts can honour reservations.",
         "status": "Show the state of the hosts, the proofs, and the next command.",

@@ -116,7 +116,7 @@ def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: P
             yield NOT_IN_EFFECT.at(
                 places.value("policy", "accept", acceptance.code, "at", number),
                 "{code} does not occur at {resource}.",
-                "Remove it, so that you see the finding if it comes back, or correct the address.",
+                "Correct the address, or remove the acceptance. Without it, the finding is shown if it occurs again.",
                 code=acceptance.code,
                 resource=address,
             )

@@ -175,8 +175,8 @@ def review_script_placement(seen: SeenHost, changes: Sequence[Change]) -> Iterat
         yield NO_ORDER.of_host(
             seen.name,
             (
-                "On {host}, the virtual processors fit only in a certain order. A script starts the largest "
-                "reserve first, would not find room for one of them, and would stop before it has finished."
+                "On {host}, the virtual processors fit only in a certain order. A script starts the largest reserve "
+                "first. It would not find room for one of the others and would stop before its end."
             ),
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
         )

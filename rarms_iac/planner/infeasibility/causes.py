@@ -212,10 +212,9 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
     if not idle:
         return ""
     return (
-        f" The core scheduler of {host.name} runs one machine on a core at a time. Of its "
-        f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(idle)} "
-        "would be idle, because machines have an odd number of virtual processors or no SMT. Use an "
-        "even number of `processors` and HwThreadCountPerCore 0."
+        f" The core scheduler of {host.name} runs one machine on a core at a time. It has {_logical_processors(host)} "
+        f"in {number(host.capacity.cores)} cores. {show_processors(idle)} would be idle, because machines have an odd "
+        f"number of virtual processors or no SMT. Use an even number of `processors` and HwThreadCountPerCore 0."
     )
 
 

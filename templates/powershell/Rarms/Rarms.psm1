@@ -209,7 +209,7 @@ function Initialize-Run {
     $script:Nodes = @()             # NUMA nodes, if a machine must fit on one
     $script:Changed = 0             # steps that this run did
     $script:Messages = @()          # messages of a step
-    # The variable may be missing in a service or a logon. Windows still has the folder.
+    # The variable may be missing in a service or a logon. Windows still reports the folder.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
     $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID

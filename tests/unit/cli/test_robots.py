@@ -103,7 +103,7 @@ def test_run_of_another_robot_is_not_taken_back() -> None:
 
     assert answer.code == 3
     assert 'of the robot "robot-7"' in " ".join(answer.err.split())
-    assert "Give that robot's overlay, robot-7.yaml, last." in " ".join(answer.err.split())
+    assert "Use that robot's overlay, robot-7.yaml, as the last overlay." in " ".join(answer.err.split())
 
 
 def test_a_mark_without_a_robot_is_taken_over() -> None:
