@@ -405,7 +405,7 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
         places.key("components", experiment.members[0].name),
         "{components:all} used {used_processors} processors at once, more than the {processors:VP} with which it was "
         "measured so far. Its settings are measured again, with {used_processors:VP}.",
-        f"Nothing has to be done. To measure with {processors} anyway, write `processors: {processors}`.",
+        f"No action is needed. To measure with {processors} anyway, write `processors: {processors}`.",
         address=f"component/{experiment.members[0].name}",
         components=tuple(experiment.setup.members),
         processors=processors,

@@ -21,7 +21,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo fe5b91fc3da96dbe39192f62fbc6cb2fbc71ccaf10eb53971f5a3112fd5dc431, Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: the undo e4e77ff30f51b110cef08e578fb64c672d32dc866c27f24946171dcce84187cf, Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '61993df57592'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'fe5b91fc3da96dbe39192f62fbc6cb2fbc71ccaf10eb53971f5a3112fd5dc431'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'e4e77ff30f51b110cef08e578fb64c672d32dc866c27f24946171dcce84187cf'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
+    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
+    Manifest a1697c1c3ae6, rarms 0.1.0. SHA-256: Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
 #>
 
 #Requires -Version 5.1
@@ -56,7 +56,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
+    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

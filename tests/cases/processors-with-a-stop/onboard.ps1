@@ -23,7 +23,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 06f34d9cb3818fa00a85bd5a9296752f537d44f9ff6f249611863910a33f7cae, Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo feae540065623a4d9664ff2931a167f2aa660acadf8aefd0423e8ffaee8e239f, Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '0a3e25b64bcc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '06f34d9cb3818fa00a85bd5a9296752f537d44f9ff6f249611863910a33f7cae'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'feae540065623a4d9664ff2931a167f2aa660acadf8aefd0423e8ffaee8e239f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -67,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
+    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

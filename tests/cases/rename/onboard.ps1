@@ -21,7 +21,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 81fe9a4182fcd6c893687458773e1ebbca059c87b395f36ccb54e3c553ccc6ec, Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: the undo 752330dd01d479b44389275636b10c9ff688ffb00b9f3525203377a28f810f0b, Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'a61e4d91d948'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '81fe9a4182fcd6c893687458773e1ebbca059c87b395f36ccb54e3c553ccc6ec'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '752330dd01d479b44389275636b10c9ff688ffb00b9f3525203377a28f810f0b'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -57,7 +57,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
+    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

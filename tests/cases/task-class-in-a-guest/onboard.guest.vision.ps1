@@ -22,7 +22,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo c7fece3db2ccde1b7b7f9a4217b6712e63a9d03f0144263106ee953fb354b00d, Rarms.psm1 FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 5b754f4d771dead4ee197a45b2e0987aed59bfc4f34702581922fbb3bdf43cd3, Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'c7fece3db2ccde1b7b7f9a4217b6712e63a9d03f0144263106ee953fb354b00d'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '5b754f4d771dead4ee197a45b2e0987aed59bfc4f34702581922fbb3bdf43cd3'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'FBDFEBB71479E0AF8634D65EEFCD74849FBD571EDD21CF9071DCB94DF7849958'
+    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
