@@ -292,7 +292,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
             yield violation(
                 ("interference", name),
                 'Neither `policy.interference` nor a component names "{interference}".',
-                "Use it in one of them, or remove it. Keep it if you use it only with `rarms measure --interference`.",
+                "Use it in one of them, or remove it. Keep it if you only measure with it by hand.",
                 at_key=True,
             )
 

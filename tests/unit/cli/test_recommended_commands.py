@@ -438,7 +438,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(f"{MEASURED}interference: {{ busy-loop: {{ kind: busy_loop, threads: 1 }} }}\n"),
         Ask(
             "measure vision",
-            "Let `interference.busy-loop` be a busy loop without `threads`",
+            "Make `interference.busy-loop` a busy loop without `threads`",
             "measure vision --interference busy-loop",
             may_answer=NO,
         ),
