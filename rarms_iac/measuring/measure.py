@@ -120,7 +120,9 @@ def measure_components(
         if prompt is not None:
             raise RequestError(
                 "A robot cannot ask questions while it measures.",
-                prose("Omit --interactive, and choose with ", command("select", "COMPONENT", at="LEVEL"), "."),
+                prose(
+                    "Omit --interactive. Afterwards choose a level: ", command("select", "COMPONENT", at="LEVEL"), "."
+                ),
             )
         return _measure_on_each(hosts, request, control)
     session = MeasuringSession(

@@ -72,7 +72,7 @@ class MeasureRequest:
     )
     samples: int | None = samples_option()
     seed: int | None = option("--seed", least=1, help="Seed of the random numbers; only settings with this seed count.")
-    quick: bool = flag("--quick", help="Stop after the first pass, with provisional reservations without bounds.")
+    quick: bool = flag("--quick", help="Stop after the first pass. The reservations are provisional.")
     again: bool = flag("--again", help="Measure everything again; the logs keep earlier results.")
     weak_load: bool = flag(
         "--weak-load", help="Accept a result although the loads left processors idle; the log records it."

@@ -62,8 +62,8 @@ def little_memory(names: tuple[str, ...], memory: int, found: LookedUp, places: 
         "{components:all} used up to {_peak} while measured, and {_have} {_memory}. The kernel ends processes at the "
         "limit.",
         prose(
-            f"Write `memory: {write_bytes(enough)}` or more, 1.2 times the peak. Then measure again, as memory is a "
-            "condition of the data log: ",
+            f"Write `memory: {write_bytes(enough)}` or more, 1.2 times the peak. The data log is valid for the "
+            "present memory only. Then measure again: ",
             command("measure", *names, together=len(names) > 1),
             ".",
         ),

@@ -58,11 +58,11 @@ def apply_command(
     limits: PlanLimits,
     how: RunOptions,
 ) -> ExitCode:
-    """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
+    """Apply PLAN exactly. Without PLAN: make a plan, show it, ask, and apply it.
 
-    A run that was interrupted is finished first. PLAN is refused where it was edited
-    or used, or where a host has changed since it was made. Ctrl-C stops after the running step. With --prove, exit
-    code 4 says that a threshold is missed in the layout; `rarms undo` reverses it.
+    An interrupted run is finished first. rarms refuses a PLAN that was edited or used, or if a host has changed since
+    the plan was made. Ctrl-C stops after the running step. With --prove, exit code 4 means that the layout misses a
+    threshold; `rarms undo` reverses the apply.
     """
     session.answer_follows = options.proving
     if options.proving:
@@ -144,11 +144,11 @@ class UndoOptions:
 def undo_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, options: UndoOptions, how: RunOptions
 ) -> ExitCode:
-    """Undo the last apply, finished or not, the last step first.
+    """Undo the last apply, finished or not, beginning with its last step.
 
-    Shows the steps, what cannot be undone, and values that it sets again although rarms had not set them. Then it asks.
-    Machines that the apply made are removed, also those with `protect: true`. If hosts have different last applies,
-    --host says which one is undone.
+    rarms shows the steps, the changes that cannot be undone, and the values that it sets again although it had not set
+    them. Then it asks. It removes machines that the apply made, also those with `protect: true`. If hosts have
+    different last applies, select one with --host.
     """
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
     keep = options.keep

@@ -24,11 +24,11 @@ from rarms_iac.views.verdicts import proof_text, stopped_proof
 
 @rarms_command("select")
 def select_command(session: Session, request: SelectRequest, source: ManifestSource) -> ExitCode:
-    """Choose the performance that is good enough for COMPONENT, and write it into the manifest as its APT.
+    """Choose a sufficient performance level for COMPONENT, and write it into the manifest as its threshold.
 
-    Shows the reservation that follows from what was measured, and what is left on the host. Comments of the manifest
-    stay; what an overlay says is changed there. Exit code 4, and nothing is written, where no measured reservation
-    meets the level; a reserve that the manifest fixes is not looked up.
+    rarms shows the measured reservation for this level and the free capacity of the host. Comments of the manifest
+    stay. A threshold that an overlay sets is changed in the overlay. If no measured reservation meets the level, rarms
+    writes nothing and ends with exit code 4. A component with a fixed reserve needs no measurement.
     """
     if not request.dry_run:
         refuse_standard_input(source)
@@ -47,13 +47,13 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
 def prove_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, request: ProveRequest
 ) -> ExitCode:
-    """Run all components together in the layout that is applied, and show every index with its threshold.
+    """Run all components together in the applied layout, and compare each measured value with its threshold.
 
-    They run under the loads of the policy, one after the other, which use all idle time of the hosts: without a
-    terminal that needs --load-host. They begin again at least eight times, until each threshold was shown to be met or
-    missed, for `policy.measuring.proof` at most; sooner where that time will hardly be enough. What they show is
-    written into the configuration logs. Exit code 4 where a threshold is missed or not shown to be met yet; 3 where the
-    manifest asks for something that is not applied.
+    The components run with each load of the policy in turn. The loads use all idle time of the hosts, so without a
+    terminal --load-host is needed. The components start at least eight times, until each threshold is met or missed
+    with 99 % confidence, for at most `policy.measuring.proof`. rarms stops earlier if that time is probably not
+    enough. The results are saved in the configuration logs. Exit code 4: a threshold is missed or inconclusive. Exit
+    code 3: the manifest has changes that are not applied.
     """
     refuse_load_unasked(session, loads=not request.without_load, load_host=request.load_host)
     return prove_and_show(session, select_hosts(load_manifest(source), host_selection), request)
@@ -86,17 +86,16 @@ class ExecOptions:
 def run_command(
     session: Session, request: RunRequest, source: ManifestSource, host_selection: HostSelection, become: ExecOptions
 ) -> ExitCode:
-    """Run components as the manifest says, on this machine or on the robot behind ssh, and show each sample.
+    """Run components as the manifest describes, on this machine or on the robot over ssh, and show each sample.
 
-    Where the manifest has this machine as a Linux host, and a component's partition is applied and runs, the component
-    starts in it and in its task class; otherwise it has no reservation, and that is said. So one sees whether a
-    component's `run` is right, before anything is measured. Failed samples are shown
-    with their reason; at the end stands what the samples come to, with the APT. Exit code 4 where a component has
-    more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
-    that says how it is run.
+    Use it to check `run` of a component before you measure. If this machine is a Linux host of the manifest and the
+    partition of a component is running, the component starts there, with its task class. Otherwise it runs without a
+    reservation, and rarms says so. Failed samples have their reason. At the end, a table compares the results with the
+    thresholds. Without COMPONENT: all components that have `run`. Exit code 4: more samples failed than `run.failures`
+    allows. Exit code 1: a component cannot be started.
 
-    With --exec, rarms becomes the component, in its partition and task class: input, output, signals and exit code are
-    the component's own. So a service of the machine starts it.
+    With --exec, the component replaces rarms, in its partition and with its task class: input, output, signals and
+    exit code are the component's own. Use this in a service.
     """
     if become.as_itself:
         if request != RunRequest(components=request.components[:1]) or not request.components or session.as_json:

@@ -24,12 +24,12 @@ class ExplainOptions:
 
 @rarms_command("explain")
 def explain_command(session: Session, options: ExplainOptions, source: ManifestSource) -> ExitCode:
-    """Explain a finding, or how a component comes to what it gets.
+    """Explain a finding, or the reservation of a component.
 
-    FINDING is an id such as RARMS014; its number alone is enough. COMPONENT is one of the manifest: the table has
-    its thresholds, measured values, reservation and host, each with its source, and the rejected alternatives, as
-    `rarms plan` has them. Hosts are looked at if they can be reached. --guide shows the settings to make by hand for
-    a component that cannot read a configuration. Exit code 4: its reservation is not known, or not everything fits.
+    FINDING is an id such as RARMS014; its number alone is enough. COMPONENT is a component of the manifest: the table
+    has its thresholds, measured values, reservation and host, each with its source, and the rejected alternatives.
+    rarms looks at the hosts if it can reach them. --guide shows the settings to make by hand for a component that
+    cannot read a configuration. Exit code 4: the reservation is not known, or the components do not fit.
     """
     subject = options.subject
     if options.guide:
@@ -82,9 +82,9 @@ class SchemaOptions:
 
 @rarms_command("schema", json=False)
 def schema_command(session: Session, options: SchemaOptions) -> ExitCode:
-    """Print a JSON Schema: of a manifest, an overlay, a plan, a snapshot, what --json prints, or a line of a data log.
+    """Print a JSON Schema: of a manifest, an overlay, a plan, a snapshot, the output of --json, or a data log's line.
 
-    An editor that knows the manifest's schema completes keys and shows what each is for.
+    An editor that knows the schema of the manifest completes keys and describes them.
     """
     session.terminal.data(shipped_text(f"schemas/{options.name}.json"))
     return ExitCode.DONE
@@ -101,9 +101,10 @@ class CompletionOptions:
 def completion_command(session: Session, options: CompletionOptions) -> ExitCode:
     """Print a completion script for a shell: bash, zsh, fish or PowerShell.
 
-    It asks rarms at each Tab: for commands, options, their fixed values, and the components and hosts of the manifest.
-    bash: source <(rarms completion bash). zsh: source <(rarms completion zsh). fish: rarms completion fish | source.
-    PowerShell: rarms completion powershell | Out-String | Invoke-Expression.
+    When you press Tab, the script asks rarms for commands, options and their values, and for the components and hosts
+    of the manifest. Write one of these lines into the startup file of your shell. bash: `source <(rarms completion
+    bash)`, zsh: `source <(rarms completion zsh)`, fish: `rarms completion fish | source`, PowerShell: `rarms
+    completion powershell | Out-String | Invoke-Expression`
     """
     session.terminal.data(completion_script(options.shell))
     return ExitCode.DONE

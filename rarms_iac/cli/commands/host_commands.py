@@ -43,10 +43,10 @@ def doctor_command(
     options: OutputOptions,
     file: DoctorOptions,
 ) -> ExitCode:
-    """Look at the hosts and tell what makes a plan ineffective or unsafe there, with what to do. Only reads.
+    """Look for settings of the hosts that make a plan ineffective or unsafe, and name what to do. Only reads.
 
-    A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
-    exit code 2; warnings and notes do not.
+    rarms looks at the live host, or at a file of `rarms snapshot` or of the observe script (--snapshot). Errors end
+    with exit code 2; warnings and notes do not.
     """
     outputs = options.targets(session)
     hosts = select_hosts(load_manifest(source), host_selection)
@@ -60,7 +60,7 @@ def doctor_command(
 
 @rarms_command("status")
 def status_command(session: Session, source: ManifestSource, host_selection: SnapshotSelection) -> ExitCode:
-    """Show hosts, partitions and their components, what was applied and proven, what no longer holds. Only reads.
+    """Show hosts, partitions and components: the applied layout, proofs, and values that are out of date. Only reads.
 
     `rarms` alone, in a folder with a manifest, does the same.
     """
@@ -71,7 +71,7 @@ def status_command(session: Session, source: ManifestSource, host_selection: Sna
 
 @rarms_command("history")
 def history_command(session: Session, source: ManifestSource, host_selection: HostSelection) -> ExitCode:
-    """Show what was applied to the hosts by whom, when and with which plan, and what was undone. Only reads."""
+    """Show each apply and undo on the hosts: who, when, and with which plan. Only reads."""
     hosts = select_hosts(load_manifest(source), host_selection)
     history = history_of_hosts(hosts)
     session.answer(lambda: json_of(history), lambda: history_text(history))
@@ -80,9 +80,10 @@ def history_command(session: Session, source: ManifestSource, host_selection: Ho
 
 @rarms_command("drift")
 def drift_command(session: Session, source: ManifestSource, host_selection: SnapshotSelection) -> ExitCode:
-    """Tell what was changed on the hosts, and what is not applied yet. Only reads.
+    """Show what other tools changed on the hosts, and what is not applied yet. Only reads.
 
-    Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
+    Exit code 2: another tool changed a host. Exit code 5: the manifest has changes that are not applied. Exit code 0:
+    neither.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
@@ -100,7 +101,9 @@ def drift_command(session: Session, source: ManifestSource, host_selection: Snap
 class SnapshotOptions:
     """Options of `rarms snapshot` alone."""
 
-    out: str | None = option("--out", metavar="PATH", help="A file for one host, or a folder for HOST.json of each.")
+    out: str | None = option(
+        "--out", metavar="PATH", help="Write one host to this file, or each host to HOST.json in this folder."
+    )
     script: bool = flag("--script", help="Write the script that reads a Hyper-V host or a guest. Run it there.")
 
 
@@ -108,10 +111,10 @@ class SnapshotOptions:
 def snapshot_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, options: SnapshotOptions
 ) -> ExitCode:
-    """Write down what the hosts look like, in JSON. Only reads.
+    """Write the state of the hosts as JSON. Only reads.
 
-    `rarms plan --snapshot FILE` plans from it where the host cannot be reached, as in a pull request. --script writes
-    observe.ps1 instead, which needs neither manifest nor rarms: what it prints is what rarms writes of a Hyper-V host.
+    `rarms plan --snapshot FILE` uses it where the host cannot be reached, for example in a pull request. --script
+    writes observe.ps1 instead. It needs neither a manifest nor rarms on the Hyper-V host, and prints the same JSON.
     """
     out = options.out
     if options.script:
@@ -151,7 +154,7 @@ def _script(session: Session, out: str | None) -> ExitCode:
 def simulate_command(
     session: Session, change: IntruderChange, source: ManifestSource, host_selection: HostSelection
 ) -> ExitCode:
-    """Change PARTITION on its simulated host behind rarms' back, so that `rarms drift` finds it."""
+    """Change PARTITION on its simulated host as another tool would, so that `rarms drift` finds it."""
     hosts = select_hosts(load_manifest(source), host_selection)
     host = change_behind_rarms(hosts, change)
     session.terminal.tell(f"{host}: changed {change.partition} as another tool would.")
@@ -162,11 +165,11 @@ def simulate_command(
 def install_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, request: InstallRequest
 ) -> ExitCode:
-    """Install this version of rarms on Linux hosts, or remove it with --remove.
+    """Install this version of rarms on Linux hosts, or remove rarms with --remove.
 
-    It goes to /opt/rarms, with all that it needs, over the connection of the manifest. The host needs Python 3.11 or
-    newer, and no internet. A run that another version left unfinished is finished by that version first. The version
-    before stays there; older ones are removed.
+    rarms and its dependencies go to /opt/rarms, over the connection in the manifest. The host needs Python 3.11 or
+    newer, and no internet access. An unfinished run of another version is finished by that version first. The previous
+    version stays; older versions are removed.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     with TerminalReporter(session) as reporter:

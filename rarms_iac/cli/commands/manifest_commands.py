@@ -32,11 +32,11 @@ class InitOptions:
 
 @rarms_command("init")
 def init_command(session: Session, options: InitOptions) -> ExitCode:
-    """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
+    """Write a commented rarms.yaml into FOLDER (default: this folder). It validates and plans without a change.
 
-    It describes two components on a simulated host, which needs nothing installed. A FOLDER that is not
-    there is made; a manifest that is there stays. Editors check it against rarms.schema.json in the same folder, and
-    by .gitattributes git keeps the measurements of both branches when it merges.
+    It has two components on a simulated host, which needs no installation. rarms makes FOLDER if it does not exist,
+    and does not replace a manifest. Editors check the manifest against rarms.schema.json in the same folder. With
+    .gitattributes, git keeps the measurements of both branches in a merge.
     """
     written = write_first_manifest(options.folder, options.name, tutorial=options.tutorial)
     if session.as_json:
@@ -60,11 +60,11 @@ class ValidateOptions(OutputOptions):
 
 @rarms_command("validate")
 def validate_command(session: Session, options: ValidateOptions, source: DatedManifestSource) -> ExitCode:
-    """Check manifests and say all that is wrong or odd: of the structure, and once that is right, of the meaning.
+    """Check manifests, and show all findings: first on the structure, then on the values.
 
-    FILE is a manifest, an overlay (it is checked with the rarms.yaml next to or above it), a folder with any number of
-    both, or - for standard input; without, it is what --manifest names. No host is asked, and no program is started.
-    Errors end with exit code 2; warnings and notes do not.
+    FILE is a manifest, an overlay, a folder with any number of both, or - for standard input. An overlay is checked
+    with the rarms.yaml next to it or above it. Without FILE: the manifest of --manifest. rarms contacts no host and
+    starts no program. Errors end with exit code 2; warnings and notes do not.
     """
     outputs = options.targets(session)
     named = options.files or (source.manifest,)
@@ -96,10 +96,10 @@ class FmtOptions(ManifestFile):
 
 @rarms_command("fmt")
 def fmt_command(session: Session, options: FmtOptions) -> ExitCode:
-    """Write manifests and overlays in their canonical form, comments kept.
+    """Write manifests and overlays in their canonical form, with their comments.
 
-    FILE is a manifest, an overlay, the folder of a manifest, or - for standard input, which is written to standard
-    output; without, it is the one that --manifest names. What a manifest means never changes.
+    FILE is a manifest, an overlay or the folder of a manifest. With -, rarms reads standard input and writes standard
+    output. Without FILE: the manifest of --manifest. The meaning of a manifest does not change.
     """
     formatted = format_manifests(options.files or (options.manifest,))
     changed = [file for file in formatted.files if file.changed]

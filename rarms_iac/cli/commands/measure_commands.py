@@ -41,10 +41,12 @@ class MeasureOptions(StopOptions):
         "--from",
         metavar="PERCENT",
         read=read_percent,
-        help="Measure each setting from this reservation, such as 10%, ...",
+        help="Measure a series of settings: the first reservation, such as 10%.",
     )
-    last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="... to here ...")
-    step: int | None = option("--step", metavar="PERCENT", read=read_percent, help="... in steps of this size.")
+    last: int | None = option("--to", metavar="PERCENT", read=read_percent, help="The last reservation of the series.")
+    step: int | None = option(
+        "--step", metavar="PERCENT", read=read_percent, help="The difference between two settings of the series."
+    )
     verbose: bool = verbose_option()
     interactive: bool = flag("--interactive", help="Measure a coarse curve, then ask for the threshold.")
     script: bool = flag("--script", help="Show the PowerShell for Hyper-V hosts without running it.")
@@ -59,14 +61,15 @@ def measure_command(
     request: MeasureRequest,
     options: MeasureOptions,
 ) -> ExitCode:
-    """Find the least reservation at which each COMPONENT meets its thresholds; without COMPONENT: of all of them.
+    """Find the smallest reservation at which each COMPONENT meets its thresholds. Without COMPONENT: all components.
 
-    It runs in a test partition under an interfering load, setting by setting; each is recorded below measurements/
-    when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
+    The component runs in a test partition under an interfering load, one setting after another. Each complete setting
+    is saved below measurements/. After Ctrl-C or a kill, run the same command to continue; it repeats no saved
+    setting.
 
-    Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.
-    They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`. Exit code 4 where a
-    component does not meet its thresholds or that is not shown, 1 if a stopped partition cannot be started.
+    Running partitions of the application must stop: rarms asks at a terminal, or give --stop-partitions. They start
+    again afterwards. After a kill, the next `rarms measure`, `start` or `apply` starts them. Exit code 4: a component
+    misses a threshold, or a threshold is inconclusive. Exit code 1: a stopped partition cannot be started.
     """
     stops = options.stops(on_busy_host=request.on_busy_host)
     request = replace(request, reserves=reserves_between(options.first, options.last, options.step))
@@ -75,7 +78,9 @@ def measure_command(
     if options.out is not None:
         raise RequestError("--out is for scripts: add --script.")
     if options.interactive:
-        choose = prose("Omit --interactive, and choose with ", command("select", "COMPONENT", at="LEVEL"), ".")
+        choose = prose(
+            "Omit --interactive. Afterwards choose a level: ", command("select", "COMPONENT", at="LEVEL"), "."
+        )
         refuse_without_terminal(session, source, choose)
         request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
     control = measuring_control(session, stop_partitions=stops)
@@ -148,12 +153,12 @@ class TuneOptions(StopOptions):
 def tune_command(
     session: Session, source: ManifestSource, host_selection: HostSelection, request: TuneRequest, options: TuneOptions
 ) -> ExitCode:
-    """Find components that can share a partition and reserve less together, and write that into the manifest.
+    """Find components that need less CPU together in one partition, and write the partitions into the manifest.
 
-    Measures compounds on the host, setting by setting, as `rarms measure --together` does; interrupted or killed, the
-    same command goes on. What is found becomes `partitions` of the manifest, comments kept, for review. Exit code 4
-    where nothing fits, however components are combined. Where partitions of the application run, they must be
-    stopped meanwhile, as for `rarms measure`; exit code 1 where they cannot be started again.
+    rarms measures the combinations on the host, like `rarms measure --together`. After Ctrl-C or a kill, run the same
+    command to continue. The new `partitions` are in the manifest for review; comments stay. Running partitions of the
+    application must stop, as for `rarms measure`. Exit code 4: the components do not fit in any combination. Exit code
+    1: a stopped partition cannot be started again.
     """
     if not request.dry_run:
         refuse_standard_input(source)

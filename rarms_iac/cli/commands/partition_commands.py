@@ -39,10 +39,10 @@ class Partitions:
 def stop_command(
     session: Session, which: Partitions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
-    """Stop PARTITIONs of this application until `rarms start`; without PARTITION: all of them.
+    """Stop PARTITIONs of this application until `rarms start`. Without PARTITION: all of them.
 
-    Plan, show, ask, and do it. The mark of each says that it was stopped, so it is not drift and no plan starts it.
-    Its settings and its reservation stay.
+    rarms makes a plan, shows it, asks, and runs it. The mark of each partition records the stop, so that it is not
+    drift and no plan starts the partition. Its settings and reservation stay.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     return plan_ask_apply(session, hosts, _request(hosts, Purpose.STOP, which), how)
@@ -61,11 +61,11 @@ class StartOptions(Partitions):
 def start_command(
     session: Session, which: StartOptions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
-    """Start PARTITIONs again that `rarms stop` stopped, or a measurement that was killed; without PARTITION: all.
+    """Start PARTITIONs that `rarms stop` or a killed measurement stopped. Without PARTITION: all of them.
 
-    Plan, show, ask, and do it. A PARTITION that is named starts also where it was stopped with another tool.
+    rarms makes a plan, shows it, asks, and runs it. A named PARTITION starts even if another tool stopped it.
 
-    --boot is for a line that a Linux machine without systemd runs at each of its starts.
+    On Linux without systemd, run `rarms start --boot` at each boot, for example from /etc/rc.local.
     """
     if which.boot:
         return _start_after_boot(session, which, how)
@@ -107,13 +107,13 @@ def destroy_command(
     options: DestroyOptions,
     how: PlanRunOptions,
 ) -> ExitCode:
-    """Remove everything that carries this application's mark: plan, show, ask, and do it.
+    """Remove all partitions and task classes with the mark of this application: plan, show, ask, and remove.
 
-    Task classes go back to what was there before, and nothing else is touched. A partition that says `protect: true`
-    makes this an error. --target removes one thing, also an unused partition.
+    Task classes get their earlier values back. Nothing else changes. A partition with `protect: true` is an error.
+    --target removes one resource, also an unused partition.
 
-    Disks are kept. With --remove-disks those go that rarms made: they grow out of an image, lie where rarms puts
-    them, and no other machine, disk or checkpoint needs them. What was on them is lost.
+    Disks are kept. --remove-disks deletes the disks that rarms made from an image, if they are in the folder of rarms
+    and no other machine, disk or checkpoint needs them. Their content is lost.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     limits = PlanLimits(targets=options.targets)
@@ -139,9 +139,9 @@ class ImportOptions(PartitionName):
 def import_command(
     session: Session, options: ImportOptions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
-    """Make the machine with this id the manifest's PARTITION: it gets a mark, and nothing else changes.
+    """Manage the machine with this id as PARTITION of the manifest: it gets a mark, and nothing else changes.
 
-    The next plan then shows what the manifest wants to be different about it.
+    The next plan shows how it differs from the manifest.
     """
     manifest = load_manifest(source)
     refuse_unknown((options.partition,), {group.name: group for group in groups_of(manifest.system)}, "partition")
@@ -156,7 +156,7 @@ def import_command(
 def release_command(
     session: Session, name: PartitionName, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
-    """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
+    """Remove the mark of rarms from PARTITION: the machine does not change, and rarms no longer manages it."""
     hosts = hosts_with_partition(select_hosts(load_manifest(source), host_selection), name.partition)
     request = replace(plan_request(hosts), purpose=Purpose.RELEASE, partitions=(name.partition,))
     return plan_ask_apply(session, hosts, request, how)

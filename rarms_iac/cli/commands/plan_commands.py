@@ -73,10 +73,10 @@ def plan_command(
     limits: PlanLimits,
     options: PlanOptions,
 ) -> ExitCode:
-    """Show what would change on the hosts, and change nothing.
+    """Show the changes that an apply would make on the hosts. Changes nothing.
 
-    --output markdown is the comment of a pull request; sarif, junit and github have the findings, also where there is
-    no plan.
+    --output markdown is for the comment of a pull request. sarif, junit and github contain the findings, even if there
+    is no plan.
     """
     outputs = options.targets(session)
     places: Places = first_line(manifest_path(source.manifest))
@@ -135,12 +135,11 @@ class ShowOptions:
 def show_command(
     session: Session, options: ShowOptions, source: ManifestSource, host_selection: SnapshotSelection
 ) -> ExitCode:
-    """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
+    """Show a plan file of `rarms plan --out`, or with --script the scripts that run on its hosts.
 
-    A PLAN needs neither manifest nor host. A file that makes another plan than it was written for is refused. With
-    --script and without a PLAN, the plan is made first, as `rarms plan` makes it. A pipe or file gets the exact
-    bytes of one script, without numbers. --against shows a difference and judges nothing: the exit code is 0 whether
-    there is one or not.
+    A PLAN needs neither a manifest nor a host. rarms refuses a file whose content gives another plan than its id says.
+    With --script and without PLAN, rarms makes the plan first. In a pipe or file, the output has the exact bytes of
+    one script. --against only shows the differences: the exit code is 0 with and without them.
     """
     if options.check is not None:
         return _check(session, options.check)

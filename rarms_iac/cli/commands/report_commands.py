@@ -35,12 +35,11 @@ class GraphOptions:
 
 @rarms_command("graph")
 def graph_command(session: Session, source: ManifestSource, options: GraphOptions) -> ExitCode:
-    """Draw which component runs in which partition on which host, as the manifest alone places them.
+    """Draw the hosts, their partitions and components, as the manifest alone places them.
 
-    With --candidates: the components whose reservations are measured, and every compound of them that could reserve
-    less than its parts; what a compound will probably need is marked "predicted" until it is measured. Needs no host.
-    The picture is in Mermaid, which GitHub and GitLab draw in a page or a pull request. On a terminal, --candidates is
-    a table.
+    --candidates draws the measured components, and each compound of them that could reserve less than its members. An
+    estimated reservation of a compound is marked "predicted" until it is measured. No host is needed. The drawing is
+    in Mermaid, which GitHub and GitLab show on a page or in a pull request. On a terminal, --candidates shows a table.
     """
     manifest = load_manifest(source)
     if options.candidates:
@@ -71,10 +70,10 @@ class ReportOptions:
 
 @rarms_command("report")
 def report_command(session: Session, options: ReportOptions, source: ManifestSource) -> ExitCode:
-    """Show what was measured of the COMPONENTs (default: all) and what each level of performance reserves.
+    """Show the measurements of the COMPONENTs (default: all), and the reservation for each level of performance.
 
-    Writes one HTML file that needs no network: each curve has a line to drag to the level that is good enough, and
-    shows the reservation, what the host has left, and the lines for the manifest.
+    rarms writes one HTML file that needs no network. Each curve has a line: drag it to the sufficient level, and the
+    page shows the reservation, the free capacity of the host, and the lines for the manifest.
     """
     if options.as_text and (options.out is not None or session.as_json):
         raise RequestError("--text cannot be combined with --out or --json.")
@@ -110,11 +109,11 @@ class ExportOptions:
 
 @rarms_command("export", json=False)
 def export_command(session: Session, options: ExportOptions, source: ManifestSource) -> ExitCode:
-    """Write what was measured of the COMPONENTs (default: all) to FILE: name.csv or name.xlsx.
+    """Write the measurements of the COMPONENTs (default: all) to FILE: name.csv or name.xlsx.
 
-    CSV has a row a setting and performance index, or with --samples a row a sample. XLSX has a summary and, for each
-    data log, a sheet with settings, curve and a chart; after `rarms tune` also what that asked for. Numbers are
-    numbers; their units stand in the headers.
+    CSV has one row for each setting and performance index, or with --samples for each sample. XLSX has a summary, and
+    for each data log a sheet with settings, curve and chart. After `rarms tune`, it also has the settings of tuning.
+    Units are in the headers.
     """
     from rarms_iac.views.reports.spreadsheet import csv_text
     from rarms_iac.views.reports.tables import samples_table, settings_table
@@ -157,11 +156,11 @@ class StudioOptions:
 
 @rarms_command("studio", json=False)
 def studio_command(session: Session, source: ManifestSource, options: StudioOptions) -> ExitCode:
-    """Serve the manifest's folder as a page, to one browser on this machine, until Ctrl-C.
+    """Serve the manifest's folder as a page to one browser on this machine, until Ctrl-C.
 
-    The page of `rarms report`, alive: lines are dragged and written into the manifest; components are measured, tuned
-    and proven; plans are made, applied and undone. Each part shows the command that does the same. The address works
-    once; a second browser needs another `rarms studio`.
+    It is the page of `rarms report` with actions: write a threshold into the manifest, measure, tune and prove
+    components, make, apply and undo plans. Each part shows the equivalent command. The address works once; a second
+    browser needs another `rarms studio`.
     """
     refuse_standard_input(source)
     missing = [name for name in NEEDED if find_spec(name) is None]
