@@ -412,7 +412,7 @@ def _log_that_holds(
         return without_answer(
             planning_findings.UNMEASURED,
             "{_members} not measured on {platform} with {_load} yet ({log}).",
-            prose("Measure it: ", again, ". Or fix its reserve (`cpu.reserve`)."),
+            prose("Measure it: ", again, ". Or set a fixed reserve (`cpu.reserve`)."),
             _members=f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'}",
             _load=load,
         )
@@ -446,8 +446,8 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
         return prose(
             "Measurements on a simulated host are never valid for a real one. Measure on this host: ",
             again.also(again=True),
-            ". Or fix the reserve (`cpu.reserve`). To keep its data logs apart, write `platform: NAME` in the overlay "
-            "of the simulated host.",
+            ". Or set a fixed reserve (`cpu.reserve`). To keep its data logs apart, write `platform: NAME` in the "
+            "overlay of the simulated host.",
         )
     return prose(
         (

@@ -136,9 +136,11 @@ class RunRequest:
 
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all that say how
     for_ms: int | None = option(
-        "--for", metavar="TIME", read=read_time, help="Run for this long: 5s. [default: `until`]"
+        "--for", metavar="TIME", read=read_time, help="Run for this long: 5s. [default: `run.until`]"
     )
-    samples: int | None = option("--samples", least=1, help="Run until there are this many samples. [default: `until`]")
+    samples: int | None = option(
+        "--samples", least=1, help="Run until this many samples are recorded. [default: `run.until`]"
+    )
     interference: str | None = option(
         "--interference", metavar="NAME", help="Run with this load of the manifest. [default: none]"
     )

@@ -139,8 +139,8 @@ def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -
             )
             yield CLASS_ORDER.at(
                 places.key("components", upper.user),
-                "In {_where}, {upper} (criticality {upper_criticality}) runs at {upper_priority}, not above {lower} "
-                "(criticality {lower_criticality}) at {lower_priority}.",
+                "In {_where}, {upper} (criticality {upper_criticality}) needs a higher priority than {lower} "
+                "(criticality {lower_criticality}). Their thread priorities are {upper_priority} and {lower_priority}.",
                 (
                     "No values keep all these classes in order, because Windows ignores the priority in High. Do "
                     "not fix categories and priorities, or let components of similar criticality share a class."

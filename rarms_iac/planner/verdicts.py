@@ -273,7 +273,7 @@ def _more_loads(names: Names, verdict: ReservationVerdict, log: MeasuredTogether
         prose(
             "Measure the other loads: ",
             log.again,
-            f". Or fix at least this for now: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
+            f". Or set at least this fixed reserve: `cpu: {{ reserve: {show_processors(so_far)} }}`.",
         ),
         log=log.path,
         needs_lp_so_far=float(so_far),

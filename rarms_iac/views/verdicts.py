@@ -152,7 +152,7 @@ def delay_sentence(messages: Mapping[str, HeardMessages]) -> str:
         for name, heard in sorted(messages.items(), key=lambda each: natural_order(each[0]))
         if heard.delay_ms is not None and heard.p99_delay_ms is not None
     ]
-    return f"Own delay of the message subscriber: {', '.join(delays)}." if delays else ""
+    return f"Delay of the message subscriber: {', '.join(delays)}." if delays else ""
 
 
 def _describe_skipped(proofs: Sequence[LayoutProof]) -> Iterator[str]:

@@ -91,7 +91,7 @@ def test_installation_without_extra_says_what_to_install(folder: Path) -> None:
     refused = ended(folder, [sys.executable, "-c", lacking])
 
     assert (refused.returncode, refused.stdout) == (64, "")
-    assert "rarms studio needs starlette and uvicorn, which is not installed" in refused.stderr
+    assert "rarms studio needs a package that is not installed: starlette, uvicorn" in refused.stderr
     said = " ".join(refused.stderr.split())
     assert "pipx install --force '.[studio]', or in its .venv: .venv/bin/pip install -e '.[studio]'." in said
 

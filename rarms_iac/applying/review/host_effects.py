@@ -74,8 +74,8 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
                     '"{partition}" needs {_show_bytes}, but the largest NUMA node of {host} has {_show_bytes_}. '
                     "NUMA spanning is off, so a machine must fit on one node."
                 ),
-                "Give it less `memory`, or allow spanning (`Set-VMHost -NumaSpanningEnabled $true`, then restart the "
-                "service vmms) and plan again.",
+                "Give it less `memory`. Or allow NUMA spanning: run `Set-VMHost -NumaSpanningEnabled $true`, then "
+                "`Restart-Service vmms`. Then plan again.",
                 address=str(change.address),
                 partition=name,
                 memory=memory,
@@ -107,8 +107,8 @@ def review_memory_left(seen: SeenHost, changes: Sequence[Change]) -> Iterator[Di
                 change.reason.place,
                 "{partition} needs {_show_bytes} on one NUMA node to start. The node of {host} with the most free "
                 "memory has {_show_bytes_}, and NUMA spanning is off.",
-                "Stop other machines there and plan again, give the partition less `memory`, or allow spanning "
-                "(`Set-VMHost -NumaSpanningEnabled $true`, then restart the service vmms).",
+                "Stop other machines there, or give the partition less `memory`. Or allow NUMA spanning: run "
+                "`Set-VMHost -NumaSpanningEnabled $true`, then `Restart-Service vmms`. Then plan again.",
                 address=str(change.address),
                 partition=change.address.partition,
                 memory=memory,
@@ -126,10 +126,10 @@ def _running_memory(thing: object) -> int:
 def _no_memory_left(host: str, more: Mapping[str, int], host_left: int, freed: int) -> Diagnostic:
     total = sum(more.values())
     names = list_names((f"{address.removeprefix('partition/')} {show_bytes(each)}" for address, each in more.items()))
-    after_stops = f" It stops machines with {show_bytes(freed)} first." if freed else ""
+    after_stops = f" The plan first stops machines with {show_bytes(freed)}." if freed else ""
     return NO_MEMORY_LEFT.of_host(
         host,
-        "The plan starts {_show_bytes} on {host}: {_names}. {host} reports {_show_bytes_} left for "
+        "The plan starts machines with {_show_bytes} on {host}: {_names}. {host} reports {_show_bytes_} free for "
         "machines.{_after_stops}",
         "Stop other programs and machines there and plan again, give partitions less memory in the manifest, or add "
         "memory to the host.",
@@ -246,7 +246,7 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
         return
     systems: dict[str, list[str]] = {}
     for inside, task_class, priority in classes_above(request, desired, plan):
-        systems.setdefault(f"{task_class.name} ({priority})", []).append(inside or "the host itself")
+        systems.setdefault(f"{task_class.name} (priority {priority})", []).append(inside or "the host itself")
     if systems:
         concerned = sorted({system for names in systems.values() for system in names})
         yield NEIGHBOURS.of_host(

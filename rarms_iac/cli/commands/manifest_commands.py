@@ -27,7 +27,9 @@ class InitOptions:
 
     folder: str = argument("[FOLDER]", default=".")
     name: str | None = option("--name", help="The application's name. [default: the name of the folder]")
-    tutorial: bool = flag("--tutorial", help="Write the manifest of the tutorial, which does not fit at first.")
+    tutorial: bool = flag(
+        "--tutorial", help="Write the manifest of the tutorial. Its components do not fit on the host at first."
+    )
 
 
 @rarms_command("init")

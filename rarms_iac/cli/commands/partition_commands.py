@@ -107,10 +107,10 @@ def destroy_command(
     options: DestroyOptions,
     how: PlanRunOptions,
 ) -> ExitCode:
-    """Remove all partitions and task classes with the mark of this application: plan, show, ask, and remove.
+    """Remove all partitions and task classes that have the mark of this application.
 
-    Task classes get their earlier values back. Nothing else changes. A partition with `protect: true` is an error.
-    --target removes one resource, also an unused partition.
+    rarms shows the plan and asks first. Task classes get their earlier values back. Nothing else changes. A partition
+    with `protect: true` is an error. --target removes one resource, also an unused partition.
 
     Disks are kept. --remove-disks deletes the disks that rarms made from an image, if they are in the folder of rarms
     and no other machine, disk or checkpoint needs them. Their content is lost.

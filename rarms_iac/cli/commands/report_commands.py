@@ -166,9 +166,9 @@ def studio_command(session: Session, source: ManifestSource, options: StudioOpti
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise RequestError(
-            f"rarms studio needs {' and '.join(missing)}, which is not installed.",
-            "Install them from the clone: pipx install --force '.[studio]', or in its .venv: "
-            ".venv/bin/pip install -e '.[studio]'.",
+            f"rarms studio needs a package that is not installed: {', '.join(missing)}.",
+            "Change to the clone of rarms, and run `pipx install --force '.[studio]'`. If rarms runs from its .venv, "
+            "run `.venv/bin/pip install -e '.[studio]'`.",
         )
     from rarms_iac.studio.page import StudioSettings
     from rarms_iac.studio.server import serve

@@ -191,7 +191,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "nothing is measured": (
         given(MEASURED),
-        Ask("plan", "Or fix its reserve", "measure vision"),
+        Ask("plan", "Or set a fixed reserve", "measure vision"),
         Ask("report", "Measure first: ", "measure"),
         Ask("validate", "`rarms measure` finds the reservation", "measure"),
         Ask("status", "measures the missing reservations", "measure"),

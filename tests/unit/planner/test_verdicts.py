@@ -100,7 +100,8 @@ def test_missing_log_says_known_numbers() -> None:
     )
     assert "`policy.interference`" in answer.why.detail
     assert str(answer.why.advice) == (
-        "Measure the other loads: `rarms measure vision`. Or fix at least this for now: `cpu: { reserve: 1.2 LP }`."
+        "Measure the other loads: `rarms measure vision`. "
+        "Or set at least this fixed reserve: `cpu: { reserve: 1.2 LP }`."
     )
 
 

@@ -163,7 +163,7 @@ def test_planned_starts_and_leftovers_are_printed() -> None:
     (finding,) = findings(build.create(partition(RUNS)), left=(2 * 2**30, None))
 
     assert finding.detail == (
-        "The plan starts 5 GiB on onboard: vision 5 GiB. onboard reports 2 GiB left for machines."
+        "The plan starts machines with 5 GiB on onboard: vision 5 GiB. onboard reports 2 GiB free for machines."
     )
 
 
