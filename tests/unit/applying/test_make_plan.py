@@ -221,7 +221,11 @@ def test_vendor_class_is_told_once_a_host() -> None:
     assert list(review_task_classes(*reviewed(vendor, plan=plan))) == []
     with_threads = reviewed(vendor, plan=replace(plan, threads=ROBOTIC))
     (finding,) = review_task_classes(*with_threads)
-    assert (finding.code, finding.address, "Vendor Sound (26)" in finding.detail) == ("RARMS129", "host/onboard", True)
+    assert (finding.code, finding.address, "Vendor Sound (priority 26)" in finding.detail) == (
+        "RARMS129",
+        "host/onboard",
+        True,
+    )
 
 
 def test_classes_are_listed_with_who_names_them() -> None:
