@@ -256,7 +256,7 @@ def points_of(
 
     Args:
         recorded: The settings, in the order in which they were measured.
-        apt: The thresholds of the component; without the index there is no verdict.
+        apt: The thresholds of the component; without the index nothing is judged.
         run: How the component is run; it decides what counts of a sample.
 
     Returns:

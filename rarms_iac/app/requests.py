@@ -52,7 +52,7 @@ def option(
 
     Args:
         help: what it is for, in the `--help` of each command that takes the request.
-        required: the command line has to give it; there is no default then.
+        required: the command line has to give it, without a default.
         metavar: what stands for the value in the help; None: click's own word.
         read: makes the value of a word; None: as the field's type says.
         environment: a variable that gives it, too.

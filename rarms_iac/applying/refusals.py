@@ -307,7 +307,7 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
 
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
-    """Report that there is no apply to undo."""
+    """Report that no apply can be undone."""
     advice = prose(HISTORY, " lists the runs on each host.")
     return NOTHING_CHANGED.of_host(host, "{host} has nothing to undo: {reason}.", advice, reason=why)
 

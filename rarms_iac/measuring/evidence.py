@@ -134,7 +134,7 @@ class MeasuredIndex:
     threshold: Threshold
     estimate: Estimate | None
     fitted: bool = False  # a value beyond what the samples show, by a fitted tail
-    reason: str = ""  # why there is no estimate
+    reason: str = ""  # why the estimate is missing
     overload: Overload | None = None  # where the component falls behind, so that the index grows without an end
 
     @output

@@ -147,7 +147,7 @@ class TuningSubject:
             layout: CoIs that hold each tuned component once.
 
         Returns:
-            The host of each partition; or that there is no placement, and whether that is proven.
+            The host of each partition; or that none exists, and whether that is proven.
         """
         tuned = {coi.name for coi in self.cois}
         others = [item for item in self.problem.items if item.name not in tuned]

@@ -27,7 +27,7 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotMeasured:
-    """There is no answer for these components, and why."""
+    """These components have no answer, and why."""
 
     interference: str = ""  # the load whose data log is missing or does not hold; empty: no load to name
     why: Diagnostic  # without a place
@@ -170,7 +170,7 @@ def _provisional(apts: Sequence[Apt], logs: Sequence[LogOfLoad], decision: Decis
 
 
 def _is_unusable(log: LogOfLoad) -> TypeGuard[NotMeasured]:
-    """Return whether a data log is stale or damaged: without a new measurement there is no verdict."""
+    """Return whether a data log is stale or damaged: it has no verdict without a new measurement."""
     return isinstance(log, NotMeasured) and log.why.code != planning_findings.UNMEASURED.code
 
 

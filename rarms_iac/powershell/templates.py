@@ -23,7 +23,7 @@ def _environment() -> "Environment":
     """Make the environment of a script; a name that a template does not get is an error."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(  # noqa: S701 - PowerShell is no HTML: what enters is a literal or a remark already
+    return Environment(  # noqa: S701 - PowerShell is not HTML: what enters is a literal or a remark already
         loader=FileSystemLoader(str(shipped(FOLDER)), encoding="utf-8"),
         undefined=StrictUndefined,
         trim_blocks=True,

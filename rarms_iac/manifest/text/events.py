@@ -110,7 +110,7 @@ class ParsedText:
     spans: Spans = field(default_factory=Spans, repr=False)
     readable: bool  # nothing was refused: the values are what the text says
     diagnostics: tuple[Diagnostic, ...]
-    is_missing: bool = False  # there is no such file
+    is_missing: bool = False  # the file does not exist
 
     def tree(self) -> Tree:
         """Return the tree of a readable text; it is built at each call."""

@@ -256,7 +256,7 @@ def document_of(data: bytes) -> Json:
     """Return the JSON of a file, from any PowerShell, with anything else that it said: the document is one line.
 
     Raises:
-        NotDecodable: it is no JSON, or too large.
+        NotDecodable: it is not JSON, or it is too large.
     """
     if len(data) > MAX_BYTES:
         raise NotDecodable("", f"it has more than {MAX_BYTES // 2**20} MiB")

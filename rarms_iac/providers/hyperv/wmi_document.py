@@ -85,7 +85,7 @@ class NotRead(Exception):
     """A probe has no value.
 
     Attributes:
-        denied: the caller may not ask; else there is no such thing.
+        denied: the caller may not ask; else it does not exist.
         error: an id in no language.
         message: in Windows' words, or ours.
     """
@@ -198,7 +198,7 @@ def read_machines(source: WmiSource, unread: list[Json]) -> Iterator[Json]:
 def _clustered(source: WmiSource) -> frozenset[str]:
     """Return the ids of the machines that a failover cluster has, in lower case.
 
-    Without its namespace there is no cluster.
+    Without its namespace the host is not in a cluster.
     """
     try:
         resources = source.instances(CLUSTER)
