@@ -93,7 +93,7 @@ def test_installation_without_extra_says_what_to_install(folder: Path) -> None:
     assert (refused.returncode, refused.stdout) == (64, "")
     assert "rarms studio needs a package that is not installed: starlette, uvicorn" in refused.stderr
     said = " ".join(refused.stderr.split())
-    assert "pipx install --force '.[studio]', or in its .venv: .venv/bin/pip install -e '.[studio]'." in said
+    assert "run `pipx install --force '.[studio]'`. If rarms runs from its .venv, run `.venv/bin/pip install" in said
 
 
 def test_a_port_that_is_taken_is_named(folder: Path) -> None:
