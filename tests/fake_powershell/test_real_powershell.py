@@ -164,7 +164,7 @@ def test_no_other_line_stands_between_the_events() -> None:
     assert "give -AsJson without -Verbose" in refused.says
     assert any(line.startswith("VERBOSE: ") for line in spoken.lines), "as the stand-in knows it"
     assert spoken.code == 0
-    assert b"not with -Verbose" in files_of(prepared.plan)[apply_script(prepared.plan)]
+    assert b"Cannot be combined with -Verbose" in files_of(prepared.plan)[apply_script(prepared.plan)]
 
 
 def test_preview_as_json_takes_no_lock() -> None:

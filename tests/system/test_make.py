@@ -125,7 +125,7 @@ def test_demo_works_twice_in_a_fresh_checkout(tmp_path: Path) -> None:
             encoding="utf-8",
         )
         assert done.returncode == 0, done.stdout + done.stderr
-        assert "No changes. The host is as in the manifest." in done.stdout
+        assert "No drift." in done.stdout
         lines = done.stdout.splitlines()
         assert len(lines) <= 120
         assert max(map(len, lines)) <= 80

@@ -107,7 +107,11 @@ def planned(apts: Mapping[str, Mapping[str, Threshold]]) -> int | None:
 def message(page: "WebDriver", card: str) -> int | None:
     """The reserve that the page shows, in per cent of the component's two processors."""
     shown = text(page, f"{card}-reserve")
-    return None if shown.startswith("Not ") else round(50 * float(shown.removeprefix("Reserve ").removesuffix(" LP")))
+    return (
+        None
+        if shown.startswith(("Not ", "Inconclusive"))
+        else round(50 * float(shown.removeprefix("Reserve ").removesuffix(" LP")))
+    )
 
 
 def test_line_dragged_by_mouse_reserves_what_planner_would(page: "WebDriver") -> None:

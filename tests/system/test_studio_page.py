@@ -382,7 +382,7 @@ NASTY = "</pre><img src=x onerror='window.hit=1'><script>window.hit=1</script>"
 def test_hostile_text_that_comes_by_script_is_text(browser: "WebDriver", robot: Path) -> None:
     manifest = robot / "rarms.yaml"
     text = manifest.read_text(encoding="utf-8").replace("      mean_response", f"      # {NASTY}\n      mean_response")
-    text = text.replace("# description: What it is for, in a sentence.", f'description: "{NASTY}"')
+    text = text.replace("# description: The purpose, in one sentence.", f'description: "{NASTY}"')
     manifest.write_text(text, encoding="utf-8", newline="\n")
     elements = "return [window.hit ?? 0, document.querySelectorAll('img, script:not([type])').length]"
     with studio(robot) as served:
