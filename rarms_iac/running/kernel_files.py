@@ -13,6 +13,7 @@ from pathlib import Path
 PROC = Path("/proc")
 MOST_PROCESSORS = 8192
 """The most that a kernel can be built for (CONFIG_NR_CPUS of x86)."""
+_RUNTIME, _PERIOD = (PROC / f"sys/kernel/sched_rt_{name}_us" for name in ("runtime", "period"))
 _NUMBER = re.compile(r"-?[0-9]{1,20}")
 _SHOWN = 60
 _STAT_FIELDS = 20
@@ -60,6 +61,19 @@ def number_or_max(file: Path, text: str) -> int | None:
         UnreadableFile: It is neither.
     """
     return None if text.strip() == "max" else whole_number(file, text)
+
+
+def real_time_percent(text_of: Callable[[Path], str]) -> int:
+    """Return the part of each processor that real-time threads may have; 100: the kernel never stops one.
+
+    Args:
+        text_of: Reads a file; empty: there is none. A kernel without these files admits nothing.
+
+    Raises:
+        UnreadableFile: One of the files has another content.
+    """
+    runtime, period = (whole_number(file, text_of(file) or "0", least=-1) for file in (_RUNTIME, _PERIOD))
+    return 100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0
 
 
 def entry_of(file: Path, text: str, name: str) -> int:

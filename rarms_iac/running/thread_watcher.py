@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from rarms_iac.running.kernel_files import UnreadableFile, kernel_text, real_time_percent
 from rarms_iac.running.thread_priorities import LOOK_EVERY_S, ThreadPriorities, members, rules_of
 
 FILES = "*.threads"
@@ -25,7 +26,6 @@ READ_EVERY_S = 2.0
 UNMATCHED_S = 60.0
 """How long a partition may run threads before the log names the patterns without one."""
 
-_RUNTIME, _PERIOD = (Path(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
 _ENDLESS = (
     "No thread gets a priority: the kernel never stops real-time threads (sched_rt_runtime_us). "
     "Set it: sysctl kernel.sched_rt_runtime_us=950000."
@@ -123,9 +123,8 @@ class ThreadWatcher:
 
 def real_time_is_endless() -> bool:
     """Return whether real-time threads may use all of each processor."""
-    with suppress(OSError, ValueError):
-        runtime, period = (int(file.read_text(encoding="ascii")) for file in (_RUNTIME, _PERIOD))
-        return not 0 <= runtime < period
+    with suppress(UnreadableFile):
+        return real_time_percent(kernel_text) == 100
     return False
 
 

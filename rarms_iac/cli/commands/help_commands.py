@@ -102,9 +102,15 @@ def completion_command(session: Session, options: CompletionOptions) -> ExitCode
     """Print a completion script for a shell: bash, zsh, fish or PowerShell.
 
     When you press Tab, the script asks rarms for commands, options and their values, and for the components and hosts
-    of the manifest. Write one of these lines into the startup file of your shell. bash: `source <(rarms completion
-    bash)`, zsh: `source <(rarms completion zsh)`, fish: `rarms completion fish | source`, PowerShell: `rarms
-    completion powershell | Out-String | Invoke-Expression`
+    of the manifest. Write the line of your shell into its startup file:
+
+    bash: source <(rarms completion bash)
+
+    zsh: source <(rarms completion zsh)
+
+    fish: rarms completion fish | source
+
+    PowerShell: rarms completion powershell | Out-String | Invoke-Expression
     """
     session.terminal.data(completion_script(options.shell))
     return ExitCode.DONE

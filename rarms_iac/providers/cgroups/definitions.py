@@ -63,7 +63,7 @@ def out_of_range(settings: PartitionSettings) -> str:
     try:
         rules_of(settings.threads)
     except ValueError:
-        return f"{settings.threads} does not have the priorities of threads"
+        return f"priorities of threads are written as `controller* at 21`, not `{settings.threads}`"
     return "control groups do not have dynamic memory" if settings.dynamic_memory else ""
 
 

@@ -27,6 +27,7 @@ from rarms_iac.running.kernel_files import (
     kernel_text,
     processor_list,
     read_process,
+    real_time_percent,
     whole_number,
 )
 from rarms_iac.running.work_places import group_path
@@ -36,7 +37,6 @@ NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 
 _ID, _MEMORY, _HOSTNAME = Path("/etc/machine-id"), Path("/proc/meminfo"), Path("/proc/sys/kernel/hostname")
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-_RUNTIME, _PERIOD = (Path(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
 _CPU = Path("/sys/devices/system/cpu")
 _SMT, _PROCESSORS = _CPU / "smt/active", _CPU / "online"
 MEBIBYTE = 2**20
@@ -55,12 +55,10 @@ def read_facts(host: Host, effects: LinuxEffects) -> HostFacts:
         UnreadableFile: a file is not as a Linux writes it.
     """
     name = effects.read(_HOSTNAME)
-    runtime, period = (whole_number(file, _text(effects, file) or "0", least=-1) for file in (_RUNTIME, _PERIOD))
+    deadline = real_time_percent(lambda file: _text(effects, file))
     online = effects.read(_PROCESSORS)
     if not (processors := processor_list(_PROCESSORS, online)):
         raise UnreadableFile(_PROCESSORS, online, "a list of processors")
-    # Where the kernel does not say, it admits nothing; a negative runtime is all of the period.
-    deadline = 100 if runtime < 0 else min(100, runtime * 100 // period) if period > 0 else 0
     return HostFacts(
         name=host.name,
         id=host_identity(_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex),
