@@ -71,31 +71,27 @@ def is_as_wanted(remote: Remote) -> bool:
 
 def test_whole_way_ends_where_it_began(linux: Engine, tmp_path: Path) -> None:
     with a_way(linux, tmp_path) as (there, remote):
-        walk(there, remote)
+        before = seen(there.host)
 
-
-def walk(there: LinuxHost, remote: Remote) -> None:
-    before = seen(there.host)
-
-    assert remote.rarms("plan").code == 0
-    assert seen(there.host) == before, "looking changes nothing"
-    applied = remote.rarms(*APPLY)
-    assert applied.code == 0, applied
-    assert is_as_wanted(remote)
-    shown = remote.rarms("status")
-    assert (shown.code, "vision" in shown.out) == (0, True), shown
-    assert remote.rarms("drift").code == 0
-    assert "apply" in remote.rarms("history").out
-    undone = remote.rarms(*UNDO)
-    assert undone.code == 0, undone
-    assert seen(there.host) == before
-
-    if LONG:
-        assert remote.rarms(*APPLY).code == 0
-        destroyed = remote.rarms("destroy", "--auto-approve")
-        assert destroyed.code == 0, destroyed
+        assert remote.rarms("plan").code == 0
+        assert seen(there.host) == before, "looking changes nothing"
+        applied = remote.rarms(*APPLY)
+        assert applied.code == 0, applied
+        assert is_as_wanted(remote)
+        shown = remote.rarms("status")
+        assert (shown.code, "vision" in shown.out) == (0, True), shown
+        assert remote.rarms("drift").code == 0
+        assert "apply" in remote.rarms("history").out
+        undone = remote.rarms(*UNDO)
+        assert undone.code == 0, undone
         assert seen(there.host) == before
-    assert scripts_left(there) == []
+
+        if LONG:
+            assert remote.rarms(*APPLY).code == 0
+            destroyed = remote.rarms("destroy", "--auto-approve")
+            assert destroyed.code == 0, destroyed
+            assert seen(there.host) == before
+        assert scripts_left(there) == []
 
 
 def kill_pwsh(remote: Remote, rarms: int) -> None:
