@@ -131,7 +131,7 @@ def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
             narrow = f"run the same command to narrow it, up to {counted(more, 'setting')} more" if more else ""
             down_to = result.conclusion.down_to
-            could_be = f"could be as low as {_amount(result, down_to)}" if down_to else ""
+            could_be = f"could be down to {_amount(result, down_to)}" if down_to else ""
             return _Answer(
                 result=result,
                 amount=_amount(result, reserve),

@@ -1,6 +1,7 @@
-"""`rarms tune`: a line for each setting that it asks for, and the partitions that it leaves."""
+"""`rarms tune`: a line for each compound that is measured, and the partitions that it leaves."""
 
 from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformTuning
@@ -55,13 +56,10 @@ class TuningProgress(SilentReporter):
 def compound_line(answers: Sequence[Answer]) -> str:
     """Write the least setting that is enough, or else the highest that is not, and who missed there."""
     enough = [answer for answer in answers if answer.passed]
-    shown = min(enough, key=_reserve) if enough else max(answers, key=_reserve)
+    by_reserve = attrgetter("reserve")
+    shown = min(enough, key=by_reserve) if enough else max(answers, key=by_reserve)
     amount = show_processors(guaranteed(shown.reserve, shown.processors))
     return "  ".join(("+".join(shown.members), amount, answer_text(shown)))
-
-
-def _reserve(answer: Answer) -> int:
-    return answer.reserve
 
 
 def answer_text(answer: Answer) -> str:
