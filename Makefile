@@ -31,7 +31,7 @@ test-long: $(TESTS) ## All tests with the large counts, then unit tests and laws
 coverage: $(TESTS) ## All that CI tests, and the share of branches that it takes (half an hour and more)
 	@CI=true RARMS_COVERAGE=1 scripts/test
 
-test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed versions of all dependencies
+test-lowest: $(TESTS) ## Tests of code that uses dependencies, with their lowest allowed versions
 	@scripts/lowest-versions
 
 test-benchmarks: $(TESTS) ## The tests of benchmarks, the paper's figures and the Linux evaluation
@@ -40,7 +40,7 @@ test-benchmarks: $(TESTS) ## The tests of benchmarks, the paper's figures and th
 lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and rules of our own
 	@scripts/lint
 
-test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CPython (wine)
+test-windows: $(TESTS) ## Tests of code that uses files, paths or processes, under the real Windows CPython (wine)
 	@scripts/windows-tests
 
 test-powershell: $(TESTS) ## The generated scripts under the real PowerShell, for Windows (wine) and for Linux
