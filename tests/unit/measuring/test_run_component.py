@@ -298,7 +298,7 @@ JOB = "import time\ndef job():\n    time.sleep(0.001)\n    return {'ms': 1}\n"
             "MotionControl",
             'without its task class: cannot join the task class "MotionControl" (1550)',
         ),
-        ("command: [python3, vision.py]", "ObjectIdentification", "only its own threads can join ObjectIdentification"),
+        ("command: [python3, vision.py]", "ObjectIdentification", "its own code must join ObjectIdentification"),
     ],
 )
 def test_windows_runner_joins_only_for_calls(
