@@ -26,7 +26,6 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import ROUNDED, Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
-from rarms_iac.views.console import paragraph
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.run import next_command, run_text
@@ -196,10 +195,9 @@ def report_end(
     if session.as_json and not (session.answer_follows and whole.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(json_of(whole, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
-        session.terminal.talk(run_text(report))
-        following = next_command(report, answers=session.terminal.answers)
-        if following is not None and whole.ending is RunEnding.DONE and not session.answer_follows:
-            session.terminal.talk(paragraph(prose("Next: ", following)))
+        is_last = whole.ending is RunEnding.DONE and not session.answer_follows
+        following = next_command(report, answers=session.terminal.answers) if is_last else None
+        session.terminal.talk(run_text(report, following))
     return code_of(session, whole.ending)
 
 

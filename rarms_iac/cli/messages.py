@@ -95,6 +95,11 @@ def write_outputs(
             terminal.show(content)
 
 
+def is_shown(outputs: Sequence[OutputTarget]) -> bool:
+    """Return whether a person reads the answer: standard output has it as text."""
+    return any(output.format is OutputFormat.TEXT and output.path is None for output in outputs)
+
+
 class TerminalReporter:
     """The messages and progress of a use case, for a person at a terminal; progress ends with the `with` block."""
 

@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import takewhile
 from typing import Any, assert_never
 
-from rarms_iac.model.commands import MEASURE, Wording, command, prose
+from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Mechanism
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
@@ -182,9 +182,9 @@ def describe_possibility(way: Relaxation) -> Wording:
         case RelaxationKind.LOWER_SETTINGS:
             return prose(f"{changes}: ", MEASURE, " may find a smaller reservation.")
         case RelaxationKind.FEWER_PROCESSORS:
-            return prose("Fewer virtual processors may be enough. Check with ", MEASURE, f": {changes}.")
+            return _checked("Fewer virtual processors may be enough.", MEASURE, way.changes)
         case RelaxationKind.COMBINING:
-            return prose("Combining components may be enough. Check with ", tune, f": {changes}.")
+            return _checked("Combining components may be enough.", tune, way.changes)
         case RelaxationKind.MORE_PROCESSORS:
             return prose(
                 f"{changes[:1].upper()}{changes[1:]} may be enough. Measure the partitions there: ",
@@ -195,6 +195,12 @@ def describe_possibility(way: Relaxation) -> Wording:
             return f"{changes}."
         case _:
             assert_never(way.kind)
+
+
+def _checked(may_be: str, how: Wording | RecommendedCommand, changes: Sequence[str]) -> Wording:
+    if len(changes) == 1:
+        return prose(f"{may_be} Check with ", how, f": {changes[0]}.")
+    return prose(f"{may_be} Check each of these with ", how, ":\n  - ", "\n  - ".join(changes))
 
 
 def _place(cause: Diagnostic, system: System, places: Places) -> Place:

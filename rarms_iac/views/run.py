@@ -43,6 +43,15 @@ GOES_ON = {
 }
 """What goes on, as the user's command names it."""
 
+DONE = {
+    Purpose.APPLY: "Applied",
+    Purpose.DESTROY: "Destroyed",
+    Purpose.IMPORT: "Imported",
+    Purpose.RELEASE: "Released",
+    Purpose.STOP: "Stopped",
+    Purpose.START: "Started",
+}
+
 LONGEST = 500
 """Characters that are shown of a line of a host: of its output, or of a script in its journal."""
 
@@ -208,9 +217,16 @@ class RunProgress(RunReporter):
             self._live = None
 
 
-def run_text(report: RunReport) -> "RenderableType":
-    """Return a sentence a host, and what to do next where it is not done; findings are shown elsewhere."""
-    return stack(*map(paragraph, _sentences(report)))
+def run_text(report: RunReport, following: RecommendedCommand | None = None) -> "RenderableType":
+    """Return one sentence for each host, and the next command; findings are shown elsewhere.
+
+    Args:
+        following: the command to recommend; None: none, or the ending says how to continue.
+    """
+    sentences = [*_sentences(report)]
+    if following is not None and sentences:
+        sentences[-1] = prose(sentences[-1], " Next: ", following)
+    return stack(*map(paragraph, sentences))
 
 
 NEXT: Mapping[Purpose, RecommendedCommand] = {Purpose.APPLY: PROVE, Purpose.STOP: START, Purpose.IMPORT: PLAN}
@@ -233,7 +249,7 @@ def next_command(report: RunReport, *, answers: bool) -> RecommendedCommand | No
 def _sentences(report: RunReport) -> Iterator[Wording]:
     partial = any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
     for host in report.hosts:
-        yield f"{host.host}: {_reported_host(host, partial=partial)}"
+        yield _reported_host(host, partial=partial)
     match report.ending:
         case RunEnding.NOTHING:
             yield "Nothing to do."
@@ -244,32 +260,28 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
 
 
 def _reported_host(report: HostReport, *, partial: bool) -> str:
-    begun = f"{_run_name(report)} {report.plan}{', begun earlier,' if report.resumed else ''}"
-    if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
-        return f"{begun}: none of it can be undone." if partial else f"{begun}: it did not change anything."
+    is_undo = report.run is RunKind.UNDO
+    name = "undo" if is_undo else report.purpose.value
+    if is_undo and report.ending is RunEnding.DONE and not report.total:
+        why = "The run cannot be undone" if partial else "The run changed nothing"
+        return f"Nothing to undo on {report.host}. {why}."
     steps = f"{counted(report.changed, 'step')} done, {report.unchanged} not needed"
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
-        return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
+        return f"The {name} on {report.host} is not complete: {steps}, {remaining} of {report.total} left."
     if report.host_plan is not None and report.host_plan.changes:
-        unchanged = f", {report.unchanged} not needed" if report.unchanged else ""
-        steps = f"{describe_counts([report.host_plan], done=True)} ({counted(report.total, 'step')}{unchanged})"
-    return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
-
-
-def _run_name(report: HostReport) -> str:
-    """Write as `Apply of plan`, or `Stop by plan` if the user's command is not an apply."""
-    if report.run is RunKind.UNDO:
-        return "Undo of plan"
-    return "Apply of plan" if report.purpose is Purpose.APPLY else f"{report.purpose.value.capitalize()} by plan"
+        steps = describe_counts([report.host_plan], done=True)
+    earlier = ", continued from an earlier run" if report.resumed else ""
+    done = "Undone" if is_undo else DONE[report.purpose]
+    return f"{done} on {report.host}{earlier}: {steps}.{_reserved(report.host_plan)}"
 
 
 def _reserved(part: HostPlan | None) -> str:
-    """Write as ` 1.92 LP of 2 LP are reserved.`; empty if that is unknown."""
+    """Write as ` Reserved: 1.92 LP of 2 LP.`; empty if that is unknown."""
     totals = None if part is None else part.host_totals
     if totals is None:
         return ""
-    return f" {show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} are reserved."
+    return f" Reserved: {show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)}."
 
 
 class StepLines(RunReporter):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 from rarms_iac.app.report_model import ComponentProof, ComponentVerdict
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.measuring.prove import ProveOutcome, ProveRequest, continue_command
-from rarms_iac.model.commands import MEASURE, Prose, prose
+from rarms_iac.model.commands import DRIFT, MEASURE, Prose, Wording, prose
 from rarms_iac.model.indexes import PerformanceIndex, index_named
 from rarms_iac.model.outcomes import Achievement, Condition, RareRuns, RareSlowJobs, VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_number, show_processors
@@ -20,7 +20,7 @@ from rarms_iac.model.wording import counted, in_a_row, list_names, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.distributions import describe_errors
 from rarms_iac.texts.indexes import show_value
-from rarms_iac.views.console import paragraph
+from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
@@ -129,15 +129,18 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     conditions = describe_conditions(
         [each.condition for proof in proofs for each in proof.verdicts if each.condition is not None], verbose=True
     )
+    sentences: list[Wording] = [*map(_sentence, proofs)]
+    if not any(proof.not_met for proof in proofs):
+        sentences[-1] = prose(sentences[-1], " Next: ", DRIFT)
     totals = [
         *sharing,
         *_describe_skipped(proofs),
         _describe_delays(proofs),
         conditions,
         _sureness(proofs),
-        *map(_sentence, proofs),
     ]
-    return Table(VERDICTS, rows, totals=list(filter(None, totals)))
+    table = Table(VERDICTS, rows, totals=list(filter(None, totals)))
+    return stack(table, *(paragraph(sentence, more=2) for sentence in sentences))
 
 
 def skipped_sentence(component: Component, skipped: SkippedLines) -> str:
@@ -224,7 +227,9 @@ def _sentence(proof: LayoutProof) -> str:
     components = f"{count} components together" if count > 1 else "1 component"
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
     with_load = f"under {proof.interference}" if proof.interference else "without load"
-    return f"{proof.host}: {components} on {amount} {with_load}, in {counted(proof.starts, 'start')}: {message}."
+    proven = "Not proven" if shortfalls else "Proven"
+    starts = counted(proof.starts, "start")
+    return f"{proven} on {proof.host}: {components} on {amount} {with_load}, {starts}, {message}."
 
 
 def _sureness(proofs: Sequence[LayoutProof]) -> str:

@@ -110,7 +110,7 @@ def test_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     assert (failed.code, refused.code, finished.code) == (1, 3, 0)
     assert "error[RARMS186]" in failed.err
     assert "error[RARMS183]" in refused.err
-    assert "begun earlier, complete" in " ".join(finished.err.split())
+    assert "continued from an earlier run" in " ".join(finished.err.split())
     assert robot.run("plan").code == 0
 
 
@@ -123,7 +123,7 @@ def test_finished_run_is_proven_only_if_asked(robot: Robot) -> None:
     unproven = robot.run("apply", "--prove", "--load-host", "--auto-approve")
 
     assert unproven.code == 4
-    assert "begun earlier, complete" in " ".join(unproven.err.split())
+    assert "continued from an earlier run" in " ".join(unproven.err.split())
 
 
 def test_only_its_own_application_takes_an_apply_back(robot: Robot) -> None:
@@ -157,7 +157,7 @@ def test_another_run_is_finished_first(robot: Robot, command: str) -> None:
     again = robot.run(command, "--auto-approve")
 
     assert asked.code == 0
-    assert "begun earlier, complete" in " ".join(asked.err.split())
+    assert "continued from an earlier run" in " ".join(asked.err.split())
     assert again.out.startswith("No changes.")
 
 

@@ -201,7 +201,7 @@ def test_broken_connection_is_unknown_and_finished_later(remote: Remote) -> None
         time.sleep(0.2)
         finished = apply(remote)
     assert finished.code == 0, finished
-    assert "begun earlier, complete" in " ".join(finished.err.split())
+    assert "continued from an earlier run" in " ".join(finished.err.split())
     assert is_as_wanted(remote)
 
 

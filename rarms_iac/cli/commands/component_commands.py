@@ -15,6 +15,7 @@ from rarms_iac.cli.prompts import refuse_load_unasked, refuse_standard_input
 from rarms_iac.cli.session import Session
 from rarms_iac.measuring.prove import ProveRequest, prove_layout
 from rarms_iac.measuring.run_component import RunRequest, become_component, run_components_of
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.progress import FailureReporter, LiveSampleReporter
@@ -39,7 +40,8 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
         return ExitCode.DONE
     session.terminal.show(selection_text(selection))
     tell(session.terminal, selection.findings, manifest.sources)
-    session.terminal.tell(f"Written to {selection.file}." if selection.file else "Nothing was written.")
+    written = prose(f"Written to {selection.file}. Next: ", PLAN) if selection.file else "Nothing was written."
+    session.terminal.tell(written)
     return ExitCode.DONE
 
 

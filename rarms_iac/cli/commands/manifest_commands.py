@@ -11,11 +11,12 @@ from rarms_iac.app.manifests import sources_in, validate
 from rarms_iac.app.requests import DatedManifestSource, ManifestFile, argument, flag, option
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import OutputOptions, write_outputs
+from rarms_iac.cli.messages import OutputOptions, is_shown, write_outputs
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.manifest.text.tree import first_line
+from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import findings_as
 from rarms_iac.views.json_output import json_of
@@ -84,7 +85,11 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
     )
     if checked.is_missing:
         return ExitCode.USAGE
-    return ExitCode.FOUND if checked.fails(strict=options.strict) else ExitCode.DONE
+    if checked.fails(strict=options.strict):
+        return ExitCode.FOUND
+    if not options.files and is_shown(outputs):
+        session.terminal.tell(prose("Next: ", PLAN if checked.is_measured else MEASURE))
+    return ExitCode.DONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,10 +36,11 @@ from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.cli.applying import write_and_advise
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import OutputOptions, write_outputs
+from rarms_iac.cli.messages import OutputOptions, is_shown, write_outputs
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.manifest.text.tree import first_line
+from rarms_iac.model.commands import APPLY, MEASURE, prose
 from rarms_iac.model.diagnostics import Findings, Places, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.templates import ScriptForm
@@ -98,6 +99,8 @@ def plan_command(
     )
     if options.out is not None:
         write_and_advise(session, options.out, plan)
+    elif plan.has_changes and not hosts.snapshots.hosts and is_shown(outputs):
+        session.terminal.tell(prose("Next: ", MEASURE if any(each.needs_consent for each in plan.hosts) else APPLY))
     return ExitCode.FOUND if options.detailed_exitcode and plan.has_changes else ExitCode.DONE
 
 

@@ -81,7 +81,7 @@ class ServiceChannel(LiveChannel):
             raise HostFailed(
                 self.host,
                 message,
-                "Install it from the clone: `pipx install --force '.[winrm]'`, or in its .venv: "
+                "Install it from the clone: `pipx install --force '.[winrm]'`. In the clone's .venv: "
                 "`.venv/bin/pip install -e '.[winrm]'`.",
             ) from None
         with ExitStack() as opened:

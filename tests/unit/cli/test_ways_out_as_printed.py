@@ -153,7 +153,7 @@ def _nothing(_manifest: Manifest) -> None:
 COMBINED = r"(c\d+(?:, c\d+)*(?: and c\d+)?)"
 MORE = r"([oO]ne|\d+) more logical processors? on ((?:each of )?h\d(?: and h\d)?)"
 KINDS: dict[str, tuple[str, Callable[..., None]]] = {
-    "list": (r"[aA]ll of these:|Combining components may be enough\. .*: all of these:", _nothing),
+    "list": (r"[aA]ll of these:|Combining components may be enough\. Check each of these .*:", _nothing),
     "reserve": (r"(c\d+) reserves (\S+ (?:% of host|LP)) instead of .*", _reserves),
     "partition": (r"partition (c\d+) reserves (\S+ (?:% of host|LP)) instead of .*", _partition_reserves),
     "memory": (r"(\d+ [GM]iB) more memory on (h\d)", _memory),

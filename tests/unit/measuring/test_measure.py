@@ -96,7 +96,7 @@ def test_from_nothing_to_a_proven_layout(here: Path) -> None:
     assert ", 0 of them new." in second.out
     assert (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").is_file()
     assert applied.code == 0, applied.err
-    assert "onboard: 1 component on " in applied.out
+    assert "Proven on onboard: 1 component on " in applied.out
     assert "all thresholds met" in applied.out
     chosen, proven = read_entries(configuration_path(here, "onboard", "vision"))
     assert isinstance(chosen, Chosen)

@@ -111,7 +111,7 @@ def test_every_verdict_says_its_error(here: Path) -> None:
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
     shown = f"{float(str(mean['value'])):.1f} ms"
     assert row_of(text, "vision")[1:] == ["mean <= 70 ms", shown, "busy-loop", "met"]
-    assert re.search(r"in \d+ starts: all thresholds met\.", text)
+    assert re.search(r"\d+ starts, all thresholds met\.", text)
     assert "99 % confidence each; a maximum or minimum is met" in " ".join(text.split())
     assert "met so far\n" in text, "of a maximum no sample can say what the next job does"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
@@ -260,7 +260,7 @@ def test_overloaded_component_misses_before_late_jobs(here: Path) -> None:
     assert isinstance(entry, Proven)
     assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "missed", None)]
     text = prove().out
-    assert int(re.search(r"in (\d+) starts?", " ".join(text.split())).group(1)) < STARTS  # type: ignore[union-attr]  # it is told
+    assert int(re.search(r"(\d+) starts?,", " ".join(text.split())).group(1)) < STARTS  # type: ignore[union-attr]  # it is told
     said = re.search(r"missed, overloaded: needs ([0-9.]+) LP", " ".join(text.split()))
     assert said is not None, text
     assert float(said[1]) == pytest.approx(needed, abs=0.01)
@@ -328,7 +328,7 @@ def test_plan_is_proven_as_its_manifest(here: Path, tmp_path: Path) -> None:
         done = rarms("apply", "plan.json", "--prove", "--load-host")
 
     assert done.code == 0, done.err
-    assert "onboard: 2 components together on 1.3 LP of 2 LP under busy-loop" in done.out
+    assert "Proven on onboard: 2 components together on 1.3 LP of 2 LP under busy-loop" in done.out
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert entry.reserve == 45

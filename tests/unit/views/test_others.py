@@ -26,7 +26,7 @@ from rarms_iac.views.changes import drift_text
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.run import RunProgress, next_command, run_text, undo_text
+from rarms_iac.views.run import DONE, RunProgress, next_command, run_text, undo_text
 from rarms_iac.views.status import history_text
 from tests.builders import a_host, the_delivery_robot
 from tests.builders_plan import (
@@ -125,8 +125,8 @@ def test_run_says_ending_and_rest() -> None:
     done = render(run_text(a_report(RunEnding.DONE, changed=3)), 100)
     stopped = render(run_text(a_report(RunEnding.INTERRUPTED)), 80)
 
-    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps done, 1 not needed.\n"
-    assert "1\nof 4 left" in stopped
+    assert done == "Applied on onboard: 3 steps done, 1 not needed.\n"
+    assert "1 of 4 left" in stopped
     assert "or `rarms apply --abandon` to leave" in stopped
     check(json_of(a_report(RunEnding.DONE)))
 
@@ -144,8 +144,8 @@ def test_apply_counts_resources_as_plan_did() -> None:
     done = replace(report, hosts=tuple(replace(host, host_plan=applied) for host in report.hosts))
 
     assert render(run_text(done), 200) == (
-        "onboard: Apply of plan 0123456789ab complete: 3 added (2 task classes with their partitions), 1 changed, "
-        "0 removed (4 steps, 1 not needed). 1.4 LP of 2 LP are reserved.\n"
+        "Applied on onboard: 3 added (2 task classes with their partitions), 1 changed, 0 removed. "
+        "Reserved: 1.4 LP of 2 LP.\n"
     )
     check(json_of(done))
     (host,) = json.loads(json_of(done))["hosts"]
@@ -164,7 +164,7 @@ def test_run_has_name_of_its_command(purpose: Purpose) -> None:
         reporter.run_started(RunBegun(host="onboard", run=RunKind.APPLY, plan=host.plan, done=0, purpose=purpose))
     shown = render(run_text(replace(report, hosts=(replace(host, purpose=purpose),))), 200)
 
-    assert shown.startswith(f"onboard: {purpose.value.capitalize()} by plan 0123456789ab complete: ")
+    assert shown.startswith(f"{DONE[purpose]} on onboard: ")
     assert said[0].startswith(purpose.value.capitalize().removesuffix("e"))
     assert said[0].endswith("ing by plan 0123456789ab on onboard")
 
@@ -176,8 +176,8 @@ def test_an_undo_without_a_step_says_why() -> None:
     idle = RunReport(ending=RunEnding.DONE, hosts=(host,))
     lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do"),))
 
-    assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it did not change anything.\n"
-    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: none of it can be undone.\n"
+    assert render(run_text(idle), 100) == "Nothing to undo on onboard. The run changed nothing.\n"
+    assert render(run_text(lost), 100) == "Nothing to undo on onboard. The run cannot be undone.\n"
 
 
 def a_start() -> RunStarted:

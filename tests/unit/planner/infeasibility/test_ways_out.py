@@ -287,8 +287,8 @@ def test_pairs_are_tuned_on_each_platform() -> None:
     offered = pair_in(a_system(hosts=hosts, components=components), logs) or ""
 
     assert offered.startswith(
-        "Combining components may be enough. Check with `rarms tune --host left` and `rarms tune --host right`"
-        ": all of these:"
+        "Combining components may be enough. Check each of these with `rarms tune --host left` and "
+        "`rarms tune --host right`:\n  - "
     )
     assert ("arm and base reserve" in offered, "eye and head reserve" in offered) == (True, True)
 
