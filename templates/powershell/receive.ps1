@@ -1,7 +1,7 @@
 #Requires -Version 5.1
-# rarms: what `connect: { receiver: installed }` starts on a host where the module Rarms is installed. This file lies in the
-# folder ...\Modules\Rarms, above the folders of the versions. It takes scripts by the version that is asked for; where that
-# is missing, it says which are there, and takes nothing.
+# rarms: with `connect: { receiver: installed }`, rarms starts this file on a host where the module Rarms is installed. It is
+# in the folder ...\Modules\Rarms, above the folders of the versions. It receives scripts with the version that rarms asks
+# for. If that version is missing, it lists the installed versions and receives nothing.
 [CmdletBinding(PositionalBinding = $false)]
 param([string] $Version = '')
 if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') { throw 'App Control: allow this script by its signer' }

@@ -298,7 +298,7 @@ def test_guard_in_guest_ends_what_dead_session_started(measured: Measured) -> No
     ("spoil", "words"),
     [
         (lambda host: setattr(host, "guest_secret", "changed"), "The credential is invalid."),
-        (lambda host: host.files.pop(CREDENTIAL.lower()), "there is no credential"),
+        (lambda host: host.files.pop(CREDENTIAL.lower()), "is missing"),
         (
             lambda host: setattr(host.file(CREDENTIAL), "data", b"robot\r\nother\r\n"),
             "Write it again here, as operator",
@@ -335,7 +335,7 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
     ("given", "code", "words"),
     [
         ({"what_if": True}, 0, "would be made"),
-        ({"abandon": True}, 1, "a measurement leaves no unfinished run: start it without -Abandon"),
+        ({"abandon": True}, 1, "a measurement has no unfinished run: start the script without -Abandon"),
         ({"lock_timeout": -5}, 1, "-LockTimeout takes 0 to 86400 seconds"),
         ({"lock_timeout": 3_000_000}, 1, "-LockTimeout takes 0 to 86400 seconds"),
     ],

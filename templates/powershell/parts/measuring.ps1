@@ -1,30 +1,30 @@
-# Measuring: test partitions that are there while this script runs, and what runs inside guests meanwhile.
-# Which setting is next is asked of the file next to this script that ends with .next: `3 run 45 55.` or `4 rest.`
+# Measuring: make test partitions, run components and loads inside their guests, and remove the partitions at the end.
+# rarms writes the next setting into the file next to this script that ends with .next: `3 run 45 55.` or `4 rest.`
 
 function Invoke-RarmsMeasuring {
     <#
     .SYNOPSIS
-        Makes test partitions, measures in them, and removes them, however it ends.
+        Make test partitions, measure in them and remove them, also after an error.
     .PARAMETER Run
-        What a script hands over, as Invoke-RarmsPlan gets it.
+        The table of a script, as Invoke-RarmsPlan gets it.
     #>
     [CmdletBinding()]
     param([Parameter(Mandatory)] [System.Collections.IDictionary] $Run)
     $script:Held = $false
     try {
         Initialize-Run -Run $Run
-        $script:Tests = @()         # test partitions, in the order in which their reserves are asked for
+        $script:Tests = @()         # test partitions, in the order of the reserves in a setting
         $script:TestFolder = '[\\/]rarms-p(?:1|2b?)(\.rarms-0{12})?$'
         $script:TestDisk = '[\\/]rarms-p(?:1|2b?)-0{12}\.vhdx?$'
         $script:Works = @()         # components and loads inside guests
-        $script:Sessions = Get-OrdinalTable  # by number of a work: the session into its guest
-        $script:Secrets = Get-OrdinalTable  # by name: what opens them
-        $script:Jobs = @()          # what runs there now
-        $script:Receiver = $null    # its process
-        $script:Setting = ''        # what was asked for last
-        $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # of the setting
-        $script:Due = [long] 0      # when on it the counters are read next, in ms
-        if ($Run.Test) { throw 'a measurement wants no state of the host: start it without -Test' }
+        $script:Sessions = Get-OrdinalTable  # by number of a component or load: the session into its guest
+        $script:Secrets = Get-OrdinalTable  # by name: the user and password of a guest
+        $script:Jobs = @()          # components and loads that run now
+        $script:Receiver = $null    # the process of the receiver
+        $script:Setting = ''        # the last setting that rarms wrote
+        $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # runs since the setting began
+        $script:Due = [long] 0      # time on the clock at which the counters are read next, in ms
+        if ($Run.Test) { throw 'a measurement has no state to test: start the script without -Test' }
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
         if ($script:Preview) {
@@ -47,11 +47,11 @@ function Invoke-RarmsMeasuring {
 
 function Complete-Measurement {
     param([bool] $Abandon)
-    if ($Abandon) { throw 'a measurement leaves no unfinished run: start it without -Abandon' }
+    if ($Abandon) { throw 'a measurement has no unfinished run: start the script without -Abandon' }
     Lock-Host
     $script:Held = $true
     Assert-VmHost
-    # An unreadable value is reported before anything is made.
+    # Report an unreadable password before anything is made.
     foreach ($work in $script:Works) { $script:Secrets[$work.Logon] = Get-GuestSecret -Name $work.Logon }
     Remove-TestPartition -Tell
     foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
@@ -63,7 +63,7 @@ function Complete-Measurement {
 }
 
 function Test-Stopped {
-    # Whether it is to end: it was asked to, or the receiver that started it is gone, so that nobody can ask it.
+    # Whether to end: rarms wrote the .stop file, or the receiver that started this script is gone.
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath ($script:Run.ScriptPath + '.stop')) { return $true }
     if (-not $env:RARMS_RECEIVER) { return $false }
     try {
@@ -77,7 +77,7 @@ function Test-Stopped {
 }
 
 function Remove-Measurement {
-    # The listener may be gone: nothing is written here. A guest that is lost does not keep its partition.
+    # Do not write output here: the listener may be gone. Remove a partition also if its guest does not answer.
     try {
         Stop-Work
         foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
@@ -95,7 +95,7 @@ function Write-Progressed {
 }
 
 function Step-Setting {
-    # A tenth of a second: what is asked for, what guests say, and once a second what the hypervisor counts.
+    # Every tenth of a second, read the next setting and the output of the guests. Every second, read the counters.
     $next = Get-NextSetting
     if ($next -cne $script:Setting) { Use-Setting -Next $next }
     foreach ($job in $script:Jobs) {
@@ -106,13 +106,13 @@ function Step-Setting {
     }
     if ($script:Jobs.Count -and $script:Clock.ElapsedMilliseconds -ge $script:Due) {
         Write-Counter
-        while ($script:Due -le $script:Clock.ElapsedMilliseconds) { $script:Due += 1000 }  # that may take seconds
+        while ($script:Due -le $script:Clock.ElapsedMilliseconds) { $script:Due += 1000 }  # reading may take seconds
     }
     Start-Sleep -Milliseconds 100
 }
 
 function Get-NextSetting {
-    # Another one is asked for once the whole line is there; of two that came as one, the newer.
+    # A setting counts when its line is complete. If there are two lines, take the newer one.
     $path = $script:Run.ScriptPath + '.next'
     $text = ''
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $path) { $text += Read-SharedFile -Path $path }
@@ -120,7 +120,7 @@ function Get-NextSetting {
 }
 
 function Use-Setting {
-    # End what runs, set the reserves (who gives comes before who takes), begin again.
+    # End all programs, lower reserves before others are raised, then start the programs again.
     param([string] $Next)
     Stop-Work
     $script:Setting = $Next
@@ -156,7 +156,7 @@ function Start-Work {
 }
 
 function Wait-Load {
-    # Until each load runs, and bursts have counted what a processor does while nothing else runs.
+    # Wait until each load runs, and until bursts know how much a processor does on an idle machine.
     foreach ($job in $script:Jobs) {
         while (-not (@(Receive-Job -Job $job.Job) -join '').Contains('loaded')) {
             if (@('NotStarted', 'Running') -cnotcontains [string] $job.Job.State) {
@@ -169,13 +169,13 @@ function Wait-Load {
 }
 
 function Stop-Work {
-    # Ends what runs inside guests: the runner there ends its processes.
+    # End the programs inside guests: the runner in the guest ends its processes.
     foreach ($job in $script:Jobs) { Remove-Job -Job $job.Job -Force }
     $script:Jobs = @()
 }
 
 function Write-Seen {
-    # A line for rarms: of which setting, when on this computer, and what it is about.
+    # Write a line for rarms with the setting and this computer's time.
     param([string] $Name, [string] $Seen)
     ConvertTo-AsciiJson -Value ([ordered] @{
         format = 'rarms-seen/1'; setting = $script:Setting; name = $Name; seen = $Seen
@@ -184,14 +184,15 @@ function Write-Seen {
 }
 
 function Write-Counter {
-    # What the hypervisor counted, by machine and of all processors: run times of 100 ns, waits of ns, dispatches.
+    # Write the counters of the hypervisor, for each machine and for all processors: run times in 100 ns, waits in ns,
+    # dispatches.
     $due = $script:Due
     foreach ($set in @('Virtual Processor', 'Logical Processor', 'Root Virtual Processor')) {
         $class = 'Win32_PerfRawData_HvStats_HyperVHypervisor' + ($set -creplace ' ', '')
         $seen = Get-OrdinalTable
         foreach ($one in @(Get-CimInstance -ClassName $class)) {
             $of = [string] $one.Name -creplace ':?(Hv LP|Hv VP|Root VP) [0-9]+$', ''
-            if ($of -ceq $one.Name) { continue }  # a total
+            if ($of -ceq $one.Name) { continue }  # a total of several
             $more = @($one.PercentTotalRunTime, $one.PercentGuestRunTime, $one.PercentHypervisorRunTime)
             if ($of) { $more += @($one.CPUWaitTimePerDispatch, $one.CPUWaitTimePerDispatch_Base) }
             for ($at = 0; $at -lt $more.Count -and $seen.Contains($of); $at++) {

@@ -1,8 +1,8 @@
-# What runs inside guests: programs, each in a session of its own, and the runner there that starts and hears it.
+# Programs inside guests. Each has its own session, in which the runner starts the program and reads its output.
 
 function Add-GuestWork {
-    # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load, or
-    # calibrated: a load that writes a line when it has counted what a processor does.
+    # Add a program for a guest. Kinds: lines (pass on its output), runs (one process for each job), load, and
+    # calibrated (a load that writes a line when it has measured the speed of a processor).
     param(
         [string] $Partition, [string] $Logon, [string] $Name, [string] $Kind, [string] $Program,
         [string] $Arguments, [string] $Folder, [string] $Environment, [string] $Files, [long] $PeriodTicks,
@@ -18,7 +18,7 @@ function Add-GuestWork {
 }
 
 function Connect-Guest {
-    # A session into the guest of a partition by PowerShell Direct, as soon as its Windows answers.
+    # Open a session into the guest of a partition with PowerShell Direct, as soon as its Windows answers.
     param([System.Collections.IDictionary] $Work)
     $at = $Work.Partition
     $secret = $script:Secrets[$Work.Logon]
@@ -29,7 +29,7 @@ function Connect-Guest {
             $script:Sessions[[string] $Work.number] = $session
             return
         } catch {
-            # A guest that boots refuses like one with another password.
+            # A guest that is still starting gives the same error as a wrong password.
             $problem = [string] $_.Exception.Message
             $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Stopped)
             if ($null -ne $script:Ending -or $late) { throw $problem }
@@ -40,7 +40,7 @@ function Connect-Guest {
 }
 
 function Find-WorkMachine {
-    # The running machine of a partition of this application, by its mark.
+    # Return the running machine of a partition of this application. The mark identifies it.
     param([string] $Partition)
     foreach ($vm in @(Hyper-V\Get-VM)) {
         $mark = Get-Mark -Vm $vm
@@ -51,12 +51,12 @@ function Find-WorkMachine {
 }
 
 function Get-GuestSecret {
-    # What was stored for guests on this computer, for this account: a line with the user, and one with the password
-    # as ConvertFrom-SecureString writes it.
+    # Return the credential that this account stored for guests on this computer. The file has one line with the user,
+    # and one line with the password from ConvertFrom-SecureString.
     param([string] $Name)
     $path = '{0}\credentials\{1}.txt' -f $script:Folder, ($Name -creplace '/', '_')
     $text = Read-SharedFile -Path $path
-    if ($null -eq $text) { Exit-Run -Detail ('there is no credential {0}' -f $path) }
+    if ($null -eq $text) { Exit-Run -Detail ('the credential {0} is missing' -f $path) }
     Assert-Owner -Path $path
     $data = [System.Text.Encoding]::GetEncoding(28591).GetBytes($text)
     $lines = @([System.Text.Encoding]::UTF8.GetString($data) -split '\r?\n')
@@ -71,9 +71,9 @@ function Get-GuestSecret {
 }
 
 function Get-GuestRunner {
-    # A block for Invoke-Command.
+    # Return a block for Invoke-Command.
     {
-        # Runs inside a guest. Times are of its own clock since it began, in 100 ns.
+        # This block runs inside a guest. Times are in 100 ns since its start.
         param([string] $Request)
         Set-StrictMode -Version 3.0
         $ErrorActionPreference = 'Stop'
@@ -81,10 +81,10 @@ function Get-GuestRunner {
         $clock = [System.Diagnostics.Stopwatch]::StartNew()
         $running = @()
         try {
-            # When this session is gone, all that it started is ended: its guard waits for that.
+            # A guard process waits for the end of this session, then ends the processes that it started.
             $guard = '-NoProfile -Command Wait-Process -Id {0}; ' -f $PID
             $guard += 'Get-CimInstance Win32_Process -Filter ParentProcessId={0}' -f $PID
-            # It is such a child itself, and the oldest.
+            # The guard is a child of the session too, so it must not end itself.
             $guard += ' | Where-Object ProcessId -ne $PID | ForEach-Object { Stop-Process -Id $_.ProcessId -Force }'
             $start = [System.Diagnostics.ProcessStartInfo]::new('powershell.exe', $guard)
             $start.UseShellExecute = $false
@@ -115,7 +115,7 @@ function Get-GuestRunner {
                     $running += $process
                     if ($work.kind -ceq 'load') { continue }
                     $read = $process.StandardOutput.ReadLineAsync()
-                    while (-not $read.Wait(250)) { continue }  # in pieces, so that an end is heard
+                    while (-not $read.Wait(250)) { continue }  # short waits, so that Remove-Job can end this block
                 }
                 'loaded {0}' -f $clock.Elapsed.Ticks
                 while ($true) {
@@ -134,7 +134,7 @@ function Get-GuestRunner {
                 $late = $false
                 $line = ''
                 while ($null -ne $line -and -not $late) {
-                    # In pieces, so that an end that is asked for is heard.
+                    # Use short waits, so that Remove-Job can end this block.
                     $read = $process.StandardOutput.ReadLineAsync()
                     while (-not $late -and -not $read.Wait(250)) { $late = $clock.Elapsed.Ticks -gt $limit }
                     $line = if ($late) { $null } else { $read.Result }
@@ -143,7 +143,7 @@ function Get-GuestRunner {
                         $limit = $clock.Elapsed.Ticks + 10000 * $work.timeout_ms
                     }
                 }
-                # It may close its output and go on; or end just before it is killed.
+                # The program may run on after it closed its output, or end just before Kill.
                 while (-not $process.WaitForExit(250)) {
                     $late = $late -or $clock.Elapsed.Ticks -gt $limit
                     if ($late) { try { $process.Kill() } catch { Write-Verbose -Message $_.Exception.Message } }
@@ -155,7 +155,7 @@ function Get-GuestRunner {
             }
         } finally {
             foreach ($process in $running) {
-                try { $process.Kill() } catch { Write-Verbose -Message $_.Exception.Message }  # most have ended
+                try { $process.Kill() } catch { Write-Verbose -Message $_.Exception.Message }  # most have ended already
             }
         }
     }

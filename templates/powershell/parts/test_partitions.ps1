@@ -1,4 +1,4 @@
-# Test partitions: machines that are there while a script measures, and are removed with their disks.
+# Test partitions: machines for a measurement, which are removed with their disks at its end.
 
 function Add-TestPartition {
     param(
@@ -12,7 +12,7 @@ function Add-TestPartition {
 }
 
 function Add-TestMachine {
-    # As a plan makes a partition: marked at once, named last; a killed run leaves what Remove-TestPartition knows.
+    # Write the mark first and the name last. So Remove-TestPartition finds what a killed run left.
     param([System.Collections.IDictionary] $Test)
     Write-Progressed -Partition $Test.Name -Status 'begun' -Detail 'make it'
     $name = Get-PendingName -Name $Test.Name
@@ -38,7 +38,7 @@ function Add-TestMachine {
     [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
     Hyper-V\Add-VMHardDiskDrive -VM $vm -Path $disk
     Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes $Test.Memory
-    Hyper-V\Remove-VMNetworkAdapter -VM $vm  # Hyper-V gives one to every new machine
+    Hyper-V\Remove-VMNetworkAdapter -VM $vm  # Hyper-V adds one to every new machine
     Hyper-V\Set-VMProcessor -VM $vm -Count $Test.Processors -Reserve 0
     Hyper-V\Set-VMProcessor -VM $vm -Maximum $Test.Limit -RelativeWeight $Test.Weight
     Hyper-V\Set-VM -VM $vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'TurnOff' -CheckpointType 'Disabled'
@@ -56,7 +56,7 @@ function Add-TestMachine {
 }
 
 function Remove-TestPartition {
-    # Removes every test partition with its disk, made by any run: who holds this computer knows that no run measures.
+    # Remove every test partition with its disk, from any run. This script holds the lock, so no other run measures.
     param([switch] $Tell)
     foreach ($vm in @(Hyper-V\Get-VM)) {
         $mark = Get-Mark -Vm $vm
