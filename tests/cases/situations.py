@@ -40,7 +40,6 @@ WITH_SCRIPTS = frozenset(
         "create-with-image-and-switch",
         "destroy-with-disks",
         "hostile-names",
-        "memory-live",
         "processors-with-a-stop",
         "rename",
         "reserves-swap",
@@ -53,6 +52,7 @@ WITH_SCRIPTS = frozenset(
 ON_POWERSHELL = WITH_SCRIPTS | {
     "create-generation-1",
     "create-linux",
+    "memory-live",
     "secure-boot-needs-a-stop",
     "stop-action-needs-a-stop",
     "stopped-stays",
