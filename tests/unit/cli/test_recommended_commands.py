@@ -23,6 +23,7 @@ from rarms_iac.model import commands
 from rarms_iac.storage import disk
 from tests.crashing import Crash, CrashingDisk, When
 from tests.files import copy_files, machines_on
+from tests.fluid import without_scheduler
 from tests.measuring import leave_logs, rewrite_log, with_weak_load
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
@@ -769,7 +770,7 @@ def run_it(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> 
     if begun in DONE:
         return
     words = [PLACEHOLDERS.get(word, word) for word in shlex.split(command)[1:]]
-    with chdir(folder):
+    with chdir(folder), without_scheduler():
         words = [id_of_vision() if word == "ID" else word for word in words]
         if words[0] == "apply" and "a.plan" in words and not Path("a.plan").exists():
             do("plan --out a.plan")
