@@ -13,19 +13,19 @@ Schema = dict[str, Any]
 _INTRODUCTION = """\
 # The manifest
 
-`rarms.yaml` describes what runs, how well it must perform, and on which machines. This page is made from the program's
-own description of the format (`rarms schema` prints the same for editors). `manifests/` has
-whole examples, and `rarms init` writes a first manifest.
+`rarms.yaml` describes the components of an application, their thresholds and their hosts. This page is generated from
+the description of the format in rarms. `rarms schema` prints the same description for editors. `manifests/` has
+complete examples, and `rarms init` writes a first manifest.
 
-- Keys are snake_case. Things have their names as keys of maps, never in lists.
+- Keys are snake_case. Names are keys of maps, never items of lists.
 - Names have 1 to 63 small letters, digits and hyphens, and start and end with a letter or digit.
 - Quantities have a unit: time `us`, `ms`, `s`, `min`, `h`; memory `B`, `KiB`, `MiB`, `GiB`, `TiB`; shares `%`;
-  processors `LP`; rates `/s`, `/min`, `/h`. A bare number where a unit belongs is an error.
-- The file is YAML 1.2 without aliases, merge keys, tags and further documents: `no` is a text.
-- An overlay (`--overlay FILE`) has only the keys that differ: maps merge, everything else replaces, `null` removes.
-  `apt.<index>`, `run.samples` and `run.until` are replaced as a whole. A component, host or partition that the manifest
-  does not have needs `new: true` there, so that a misspelt name is found.
-- `rarms fmt` writes a manifest in one form.
+  processors `LP`; rates `/s`, `/min`, `/h`. A quantity without a unit is an error.
+- The file is YAML 1.2 without aliases, merge keys, tags and further documents. `no` is a text.
+- An overlay (`--overlay FILE`) has only the different keys. Maps are merged, all other values are replaced, and `null`
+  removes a key. The overlay replaces `apt.<index>`, `run.samples` and `run.until` as a whole. A component, host or
+  partition that is only in the overlay needs `new: true`. Without `new: true`, rarms treats its name as misspelt.
+- `rarms fmt` writes a manifest in the canonical form.
 """
 
 _EXAMPLES = {

@@ -37,14 +37,14 @@ class ProviderKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepForHost:
-    """Capacity of a host that partitions never get."""
+    """Capacity that is kept for the host."""
 
     processor: Annotated[
         CpuAmount,
         Quantity(kinds=(Unit.SHARE, Unit.PROCESSORS), most="100 %"),
-        Key("Processor time the host's own operating system keeps: `10 %` or `0.5 LP`, at most 100 %."),
+        Key("Processor time for the host's own operating system: `10 %` or `0.5 LP`, at most 100 %."),
     ] = ShareOfHost(Percent(Fraction(0)))
-    memory: Annotated[Memory, Key("Memory the host's own operating system keeps: `1 GiB`.")] = Bytes(0)
+    memory: Annotated[Memory, Key("Memory for the host's own operating system: `1 GiB`.")] = Bytes(0)
 
 
 class Receiver(StrEnum):
@@ -81,7 +81,7 @@ class Connect:
         str | None,
         Form.SSH_FILE,
         Key(
-            "The socket for shared connections (`ControlPath` of ssh), so that one login is enough. Absent: "
+            "The socket for shared connections with a single login (`ControlPath` of ssh). Absent: "
             "from your ssh configuration."
         ),
     ] = None
@@ -97,7 +97,7 @@ class Connect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WinRmConnect:
-    """Connection to a remote Windows by WinRM over HTTPS; its certificate is checked."""
+    """Connection to a remote Windows by WinRM over HTTPS. rarms checks the certificate."""
 
     winrm: Annotated[str, Form.HOST, Key("The name or address of the host, as in its certificate.")]
     shell: Annotated[Shell, _SHELL] = "pwsh"
@@ -133,7 +133,7 @@ class FaultEffect(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A fault of a simulated host, to try what happens then."""
+    """A fault of a simulated host, for tests."""
 
     operation: Annotated[
         str, Form.OPERATION, Key("The kind of operation that fails: `start_partition`, `set_cpu`, ...")
@@ -141,7 +141,10 @@ class Fault:
     at: Annotated[Filled[str], Key("The address of the fault, or `*` for any.")] = "*"
     effect: Annotated[
         FaultEffect,
-        Key("`refuse`: refuses the operation; `fail_after`: does it, then fails; `late`: answers after `delay`."),
+        Key(
+            "`refuse`: refuses the operation; `fail_after`: does the operation, then fails; `late`: "
+            "answers after `delay`."
+        ),
     ]
     delay: Annotated[Time, Key("The delay of the answer: `2 s`.")] = Milliseconds(Fraction(0))
     times: Annotated[int | None, Within(1, 1_000_000), Key("The number of faults; absent: no limit.")] = None
@@ -153,7 +156,7 @@ SERVER_2019 = 17763
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedHost:
-    """The machine that a simulated host simulates."""
+    """The simulated machine."""
 
     windows_build: Annotated[
         int, Within(6000, 99999), Key("The build of the host's Windows; 26100 is Server 2025.")
@@ -170,8 +173,8 @@ class SimulatedHost:
     smt: Annotated[
         bool,
         Key(
-            "Whether two logical processors share a core. It changes the processors that partitions take, "
-            "but not measurements."
+            "Whether two logical processors share a core. The setting changes the number of "
+            "processors that partitions reserve, but not measurements."
         ),
     ] = False
     administrator: Annotated[bool, Key("Whether rarms has the necessary rights on the host.")] = True
@@ -194,7 +197,9 @@ class HypervHost:
     """Defaults for the partitions of a Hyper-V host."""
 
     generation: Annotated[
-        int, Within(1, 2), Key("The generation of new machines, 1 or 2; it cannot be changed afterwards.")
+        int,
+        Within(1, 2),
+        Key("The generation of new machines, 1 or 2. You cannot change the generation of an existing machine."),
     ] = 2
     switch: Annotated[Filled[str] | None, Key("The virtual switch of the partitions; absent: none.")] = None
     image: Annotated[Filled[str] | None, Key("The parent image of the partitions' disks; absent: no disk.")] = None
@@ -211,7 +216,7 @@ class HypervHost:
     ] = None
     credential: Annotated[
         Filled[str] | None,
-        Key("The name of the stored credential for guests, needed to measure in them; never the secret itself."),
+        Key("The name of the stored credential for guests, never the secret itself. Measurements in guests need it."),
     ] = None
 
 
@@ -251,7 +256,7 @@ HostSettings = SimulatedHost | HypervHost | LinuxHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Host:
-    """A machine that partitions are made on."""
+    """A machine with partitions."""
 
     name: OwnName
     provider: Annotated[
@@ -261,9 +266,9 @@ class Host:
     connect: Annotated[Connect | WinRmConnect | None, Key("The connection to the host; absent: this machine.")] = None
     logical_processors: Annotated[Processors, Key("The number of logical processors (LPs) of the host.")]
     memory: Annotated[PositiveMemory, Key("The memory of the host: `4 GiB`.")]
-    keep_for_host: Annotated[KeepForHost, Key("Processor time and memory that partitions never get; absent: none.")] = (
-        KeepForHost()
-    )
+    keep_for_host: Annotated[
+        KeepForHost, Key("Processor time and memory that are kept for the host; absent: none.")
+    ] = KeepForHost()
     system_responsiveness: Annotated[
         int | None,
         Within(0, 0xFFFFFFFF),

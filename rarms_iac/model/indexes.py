@@ -95,14 +95,14 @@ _NAMED = (
         name="throughput",
         unit=Unit.RATE,
         smaller_is_better=False,
-        description="Successful jobs (or what they count) over the elapsed time.",
+        description="Successful jobs, or their amount of work, over the elapsed time.",
         made_of=SampleValue.COUNT,
     ),
     PerformanceIndex(
         name="deadline_miss_rate",
         unit=Unit.SHARE,
         smaller_is_better=True,
-        description="The share of jobs that answered after their deadline, or not at all.",
+        description="The share of jobs with an answer after their deadline, or without an answer.",
     ),
 )
 

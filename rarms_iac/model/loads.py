@@ -24,7 +24,7 @@ class BusyLoop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Browser:
-    """Browsers that stream video: their interrupts run above every thread."""
+    """Browsers that stream video. Their interrupts have priority over all threads."""
 
     kind: ClassVar[str] = "browser"
     instances: Instances = 1
@@ -58,7 +58,7 @@ class Stress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bursts:
-    """Threads that sleep, wake at the same moment, and take in one piece what their partition saved meanwhile.
+    """Threads that sleep, then all wake together and use the processor time that their partition saved.
 
     A burst is `every` x `duty` of processor time on each thread. The gap to the next one is drawn from 0.5 to 1.5 of
     `every` x (1 - `duty`), however long the burst took, so that no phase lasts.

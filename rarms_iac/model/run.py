@@ -29,9 +29,9 @@ class Container:
     """A container that docker or podman runs in the component's partition."""
 
     image: Annotated[Filled[str], Key("The image; a folder, with podman and the option `--rootfs`.")]
-    engine: Annotated[Literal["docker", "podman"], Key("The program that runs it.")]
+    engine: Annotated[Literal["docker", "podman"], Key("The engine, `docker` or `podman`.")]
     command: Annotated[
-        tuple[str, ...], Key("The program in the image and its arguments; absent: what the image starts.")
+        tuple[str, ...], Key("The program in the image and its arguments; absent: the default program of the image.")
     ] = ()
     options: Annotated[
         tuple[Filled[str], ...],
@@ -60,7 +60,7 @@ class ServiceProperties:
     ] = ""
     restart: Annotated[
         Literal["no", "on-success", "on-failure", "on-abnormal", "on-watchdog", "on-abort", "always"],
-        Key("When systemd starts it again.", "Restart"),
+        Key("The condition for a restart by systemd.", "Restart"),
     ] = "no"
     nice: Annotated[int | None, Within(-20, 19), Key("Its nice level.", "Nice")] = None
     scheduling_policy: Annotated[
@@ -81,19 +81,17 @@ class Service:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttachedService:
-    """A service of systemd that runs already."""
+    """A running service of systemd."""
 
     service: Annotated[Filled[str], Key("Its unit: `nav2` or `nav2.service`.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttachedContainer:
-    """A container that runs already."""
+    """A running container."""
 
     container: Annotated[Filled[str], Key("Its name.")]
-    engine: Annotated[
-        Literal["docker", "podman"] | None, Key("The program that runs it; absent: the one that is installed.")
-    ] = None
+    engine: Annotated[Literal["docker", "podman"] | None, Key("The engine; absent: the installed engine.")] = None
 
 
 Attached = AttachedService | AttachedContainer
@@ -101,21 +99,21 @@ Attached = AttachedService | AttachedContainer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FromEnvironment:
-    """A value that rarms reads from its own environment, so that no secret is in git."""
+    """A value that rarms reads from its own environment. The secret is then not in git."""
 
     name: Annotated[Variable, Key("The name of the variable in rarms' own environment.", "from_env")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleCount:
-    """A setting ends after so many samples."""
+    """The end of a setting, by number of samples."""
 
     samples: Annotated[int, Within(1, 10_000_000), Key("The number of samples.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Elapsed:
-    """A setting ends after so long."""
+    """The end of a setting, by time."""
 
     time: Annotated[PositiveTime, Key("The duration: `20 s`.", "elapsed")]
 
@@ -135,8 +133,9 @@ class Periodic:
         PositiveTime,
         Key(
             (
-                "The period: `33 ms`. rarms starts the jobs of `per_run` and `call` itself. A command that writes "
-                "lines keeps the period itself and finds it in the variable RARMS_PERIOD_MS."
+                "The period: `33 ms`. rarms starts the jobs of `per_run` and `call` itself. A command "
+                "that writes lines keeps the period itself. The variable RARMS_PERIOD_MS has the "
+                "period."
             ),
             "every",
         ),
@@ -148,12 +147,10 @@ Arrival = Closed | Periodic
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop:
-    """Signal and grace with which a component is ended."""
+    """Signal and grace for the end of a component."""
 
-    signal: Annotated[
-        Literal["TERM", "INT", "HUP", "QUIT", "USR1", "USR2", "KILL"], Key("The signal that asks it to end.")
-    ] = "TERM"
-    grace: Annotated[Time, Key("The time until it is killed: `5 s`.")] = Milliseconds(Fraction(5000))
+    signal: Annotated[Literal["TERM", "INT", "HUP", "QUIT", "USR1", "USR2", "KILL"], Key("The first signal.")] = "TERM"
+    grace: Annotated[Time, Key("The time from the signal until a kill: `5 s`.")] = Milliseconds(Fraction(5000))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +181,7 @@ STREAM_NAMES: Mapping[OutputStream, str] = {"stdout": "standard output", "stderr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """Rules that make samples of a component's output."""
+    """Rules for samples from a component's output."""
 
     source: Annotated[
         Literal["json_lines", "pattern", "per_run", "ros"],
@@ -200,10 +197,12 @@ class Samples:
     ] = "per_run"
     pattern: Annotated[Filled[str], Key("An RE2 pattern with named groups, for `from: pattern`.")] = ""
     input: Annotated[
-        str, Form.TOPIC, Key("The topic whose messages are the jobs, for `from: ros`: `/camera/image_raw`.")
+        str,
+        Form.TOPIC,
+        Key("The topic of the input messages, for `from: ros`: `/camera/image_raw`. Each message is a job."),
     ] = ""
     output: Annotated[
-        str, Form.TOPIC, Key("The topic with the answers, whose messages have the stamps of the input.")
+        str, Form.TOPIC, Key("The topic of the answers. Their messages have the stamps of the input messages.")
     ] = ""
     stream: Annotated[
         OutputStream,
@@ -211,7 +210,10 @@ class Samples:
     ] = "stdout"
     file: Annotated[
         Filled[str],
-        Key("A file to which the component appends lines, relative to the manifest; its stream is then not read."),
+        Key(
+            "A file to which the component appends lines, relative to the manifest. rarms then does "
+            "not read its output stream."
+        ),
     ] = ""
     socket: Annotated[
         Filled[str],
@@ -236,7 +238,7 @@ FROM_FILE = "from_file"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Process:
-    """A process of a component: what is started, where, and as which user."""
+    """A process of a component, with command, folder and user."""
 
     command: Annotated[
         Filled[tuple[str, ...]],
@@ -247,7 +249,7 @@ class Process:
     ] = ()
     container: Annotated[Container | None, Key("A docker or podman container, in the partition's group.")] = None
     service: Annotated[Service | None, Key("A transient service of systemd, in the partition's slice.")] = None
-    folder: Annotated[Filled[str], Key("The folder it runs in, relative to the file that contains this key.")] = "."
+    folder: Annotated[Filled[str], Key("Its working folder, relative to the file that contains this key.")] = "."
     environment: Annotated[
         Mapping[Variable, str | FromEnvironment],
         Key(
@@ -258,8 +260,8 @@ class Process:
     user: Annotated[
         Filled[str],
         Key(
-            "The user that it runs as, by name or number; in a container, a user of the image. Absent: the "
-            "user of rarms."
+            "The user of the process, by name or number; in a container, a user of the image. Absent: "
+            "the user of rarms."
         ),
     ] = ""
     groups: Annotated[tuple[Filled[str], ...], Key("Groups in addition to those of its user: `video`.")] = ()
@@ -303,20 +305,20 @@ class Run(Process):
     processes: Annotated[
         Mapping[Name, Process],
         Key(
-            "Several processes of one component, by name. They start in this order and end together. "
-            "`samples.process` is the one that writes the samples."
+            "Several processes of one component, by name. rarms starts them in this order and ends "
+            "all of them together. `samples.process` names the process with the samples."
         ),
     ] = field(default_factory=dict)
     attach: Annotated[
         Attached | None,
         Key(
-            "A service or container that is already running. rarms measures it without starting or ending "
-            "it. Its samples come from its log, `samples.file` or `samples.socket`."
+            "A running service or container. rarms measures it, but neither starts nor ends it. Its "
+            "samples come from its log, `samples.file` or `samples.socket`."
         ),
     ] = None
     files: Annotated[
         tuple[Filled[str], ...],
-        Key("Globs of the component's files: if one changes, its measurements are stale."),
+        Key("Globs of the component's files. After a change of a file, the measurements of the component are stale."),
     ] = ()
     arrival: Annotated[
         Arrival,
@@ -335,10 +337,10 @@ class Run(Process):
     failures: Annotated[
         int,
         Within(0, 1_000_000),
-        Key("The number of failed samples that a setting may have; with more it ends without a verdict."),
+        Key("The permitted number of failed samples in a setting. With more, the setting ends without a verdict."),
     ] = 0
-    stop: Annotated[Stop, Key("The way to end it; absent: TERM, and 5 s of grace.")] = Stop()
-    samples: Annotated[Samples, Key("The samples in its output; absent: one sample for each run.")] = Samples()
+    stop: Annotated[Stop, Key("The signal and the grace for its end; absent: TERM, and 5 s of grace.")] = Stop()
+    samples: Annotated[Samples, Key("The rules for the samples; absent: one sample for each run.")] = Samples()
     success_within: Milliseconds | None = None  # on a simulated host, a job that answers later does not succeed
     rates_success: bool = True  # a threshold asks for the success rate; if not, a job's exit code is 0 or it has failed
 

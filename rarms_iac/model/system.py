@@ -115,7 +115,7 @@ class TaskCategory(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Application:
-    """Its name, and what it is for."""
+    """The name and the purpose of the application."""
 
     name: Annotated[Name, Key("The application's name, which is part of all marks.")]
     description: Annotated[str, Key("A description for readers.")] = ""
@@ -162,7 +162,7 @@ class StartRequest:
     time: Annotated[
         Milliseconds,
         Quantity(kinds=(Unit.TIME,), positive=True, most="5 min"),
-        Key("The duration, after which it has its normal reservation: `30 s`; at most 5 min.", "for"),
+        Key("The duration of the larger reservation: `30 s`; at most 5 min.", "for"),
     ]
 
 
@@ -187,13 +187,14 @@ class CpuRequest:
         int | None,
         Within(1, MOST_WEIGHT),
         Key(
-            "Its relative share of the unreserved processor time, 1 to 10000. Absent: as `policy.headroom` says; "
-            "`by_criticality`, the default, is 100 times the criticality, at most 10000."
+            "Its relative share of the unreserved processor time, 1 to 10000. Absent: according to "
+            "`policy.headroom`. With the default `by_criticality`, the weight is 100 times the "
+            "criticality, at most 10000."
         ),
     ] = None
     starting: Annotated[
         StartRequest | None,
-        Key("The reservation while it starts, if its host has enough free; absent: the normal reservation."),
+        Key("The reservation during its start, if the host has enough free capacity; absent: the normal reservation."),
     ] = None
 
 
@@ -208,20 +209,20 @@ class Simulation:
     )
     threads: Annotated[int, Within(1, 4096), Key("The number of threads that share the work.")] = 1
     success_within: Annotated[
-        PositiveTime | None, Key("The response time up to which a job succeeds; absent: every job succeeds.")
+        PositiveTime | None, Key("The maximum response time of a successful job; absent: every job is successful.")
     ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreadsTask:
-    """The task class of some threads of a component, by their names; the program need not be changed (Linux)."""
+    """The task class of some threads of a component, by their names, without a change of the program (Linux)."""
 
     task_class: Annotated[TaskName, Key("The task class, as in `task: NAME`.", "class")]
     threads: Annotated[
         Filled[tuple[ThreadPattern, ...]],
         Key(
-            "Names of the threads that get the priority of the class: `controller*`. The kernel keeps 15 "
-            "characters; a thread without its own name has that of its program."
+            "Names of the threads with the priority of the class: `controller*`. The kernel keeps 15 "
+            "characters. A thread without its own name has the name of its program."
         ),
     ]
 
@@ -238,24 +239,24 @@ class Component:
         Key("Acceptable performance thresholds, by performance index. Absent: none."),
     ] = field(default_factory=dict)
     run: Annotated[
-        Run | None, Key("The start and the measurement of the component; absent: rarms does not run it.")
+        Run | None, Key("The start and the measurement of the component; absent: rarms does not run the component.")
     ] = None
     interference: Annotated[
-        OneOrSeveral[Name], Key("The loads under which its reservation is measured; absent: those of the policy.")
+        OneOrSeveral[Name], Key("The loads for the measurement of its reservation; absent: the loads of the policy.")
     ] = ()
     memory: Annotated[PositiveMemory, Key("The memory of the component: `512 MiB`.")] = Bytes(512 * 2**20)
     processors: Annotated[
         Processors | None,
         Key(
-            "Virtual processors of its partition; absent: as many as it used at once when measured, "
-            "otherwise those of the host."
+            "Virtual processors of its partition; absent: the number that it used at once in the "
+            "measurement, otherwise the number of the host."
         ),
     ] = None
     task: Annotated[
         TaskName | ThreadsTask | None,
         Key(
-            "Its robotic task class (RC SS), the kind of its work. On Linux, "
-            "`{class: NAME, threads: [...]}` applies it to threads by name."
+            "Its robotic task class (RC SS), the kind of its work. On Linux, `{class: NAME, threads: "
+            "[...]}` applies the class to threads by name."
         ),
     ] = None
     cpu: Annotated[CpuRequest, Key("Fixed CPU settings: reserve, limit, weight.")] = CpuRequest()
@@ -264,11 +265,11 @@ class Component:
     dedicated: Annotated[bool, Key("Whether it must be alone in its partition.")] = False
     hosts: Annotated[
         Filled[tuple[Name, ...]] | None,
-        Key("Hosts it may run on; absent: all hosts for which it is measured, or all hosts if its reserve is fixed."),
+        Key("The permitted hosts; absent: all hosts for which it is measured, or all hosts if its reserve is fixed."),
     ] = None
     runs_on: Annotated[
         RunsOn,
-        Key("`partition`, or `host` for the host's own operating system, where it has no reserve."),
+        Key("`partition`, or `host` for the host's own operating system, without a reserve."),
     ] = RunsOn.PARTITION
     simulation: Annotated[Simulation | None, Key("The demand of a job on a simulated host.")] = None
     new: Annotated[bool, Key("In an overlay: the component is new, not in the manifest.")] = False
@@ -303,7 +304,7 @@ def run_of(component: Component) -> Run:
 class HypervPartition:
     """Settings of Hyper-V; absent: those of the host's `hyperv` block."""
 
-    generation: Annotated[int | None, Within(1, 2), Key("The generation, 1 or 2; it cannot be changed afterwards.")] = (
+    generation: Annotated[int | None, Within(1, 2), Key("The generation, 1 or 2. You cannot change it afterwards.")] = (
         None
     )
     switch: Annotated[Filled[str] | None, Key("Its virtual switch.")] = None
@@ -342,7 +343,7 @@ GRACE = Milliseconds(Fraction(120_000))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionStop:
-    """Shutdown of a partition for a change that needs it off: the guest is asked, then forced, then turned off."""
+    """Shutdown of a partition for a change that needs the partition off: a request, a forced shutdown, a power-off."""
 
     grace: Annotated[
         Milliseconds,
@@ -370,10 +371,13 @@ class PartitionRequest:
     cpu: Annotated[CpuRequest, Key("Fixed CPU settings; absent: from its components.")] = CpuRequest()
     protect: Annotated[
         bool,
-        Key("Whether its removal by a plan is an error. `rarms undo` of the apply that created it still removes it."),
+        Key(
+            "Whether its removal by a plan is an error. `rarms undo` of the apply that created the "
+            "partition still removes it."
+        ),
     ] = False
     start: Annotated[StartMode, Key("`automatic`: rarms starts it; `manual`: you start it.")] = StartMode.AUTOMATIC
-    stop: Annotated[PartitionStop, Key("The way to stop it; absent: its guest has 120 s to shut down.")] = (
+    stop: Annotated[PartitionStop, Key("The time for its shutdown; absent: its guest has 120 s to shut down.")] = (
         PartitionStop()
     )
     hyperv: Annotated[HypervPartition, Key("Settings of Hyper-V.")] = HypervPartition()
@@ -403,7 +407,7 @@ class TaskRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance:
-    """A finding that is known and accepted."""
+    """An accepted finding."""
 
     code: OwnName
     at: Annotated[Filled[tuple[Filled[str], ...]], Key("The addresses, as in the finding.")]
@@ -422,7 +426,7 @@ class Unused(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringLimits:
-    """Longest times of measuring one question, in the host's own time."""
+    """Time limits of measurements, in the host's own time."""
 
     setting: Annotated[PositiveTime, Key("The longest time for one setting with all of its loads.")] = Milliseconds(
         Fraction(600_000)
@@ -438,16 +442,17 @@ class MeasuringLimits:
         int,
         Within(1, 1000),
         Key(
-            "The longest unseen job to assume, as a multiple of the mean. If such jobs would miss a threshold, it is "
-            "met on a condition and marked `*`. 1 means no conditions."
+            "The longest assumed unseen job, as a multiple of the mean. If a threshold would be "
+            "missed with such jobs, it is met on a condition, with the mark `*`. 1 means no "
+            "conditions."
         ),
     ] = 20
     precision: Annotated[
         Percent,
         Quantity(kinds=(Unit.SHARE,), most="50 %"),
         Key(
-            "The accuracy of a search: the result may be this much above the smallest sufficient "
-            "reservation. One per cent of the partition's processors is always allowed."
+            "The accuracy of a search: the largest difference between the result and the smallest "
+            "sufficient reservation. One per cent of the partition's processors is always allowed."
         ),
     ] = Percent(Fraction(3))
 
@@ -458,7 +463,7 @@ class Policy:
 
     interference: Annotated[
         OneOrSeveral[Name],
-        Key(f"The loads under which reservations are measured; absent: {in_a_row(DEFAULT_LOADS)}."),
+        Key(f"The loads for the measurement of reservations; absent: {in_a_row(DEFAULT_LOADS)}."),
     ] = DEFAULT_LOADS
     minimise: Annotated[
         Minimise,
@@ -479,8 +484,8 @@ class Policy:
         Unused,
         Key(
             "Partitions on Hyper-V that are no longer in the manifest: `keep` them stopped, or `remove` them, "
-            "which needs `max_disruption: removal`. On other hosts they are always removed, because they "
-            "hold no data."
+            "which needs `max_disruption: removal`. On other hosts, rarms always removes them, "
+            "because they contain no data."
         ),
     ] = Unused.KEEP
     signed_plans: Annotated[
@@ -494,7 +499,7 @@ class Policy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class System:
-    """A manifest: the components of an application, what they must achieve, and the hosts they run on."""
+    """A manifest: the components of an application, their thresholds, and their hosts."""
 
     schema: Annotated[Literal["rarms/v1"], Key("The version of this format.")]
     application: Annotated[Application, Key("The name and description of the application.")]
@@ -510,7 +515,7 @@ class System:
     interference: Annotated[
         Mapping[Name, Interference],
         Key(
-            "The loads under which reservations are measured, by name. `busy-loop`, `bursts-5` to "
+            "The loads for the measurement of reservations, by name. `busy-loop`, `bursts-5` to "
             "`bursts-200` and `bursts-5-half` to `bursts-200-half` (by `every`: 5, 10, 20, 50, 100 or 200 "
             "ms) exist without an entry."
         ),
@@ -521,7 +526,7 @@ class System:
     policy: Annotated[Policy, Key("Permissions and preferences for rarms.")] = Policy()
     moved: Annotated[
         Mapping[Name, Name],
-        Key("Renamed partitions, old name to new name, so that they are not replaced."),
+        Key("Renamed partitions, old name to new name. rarms then does not replace them."),
     ] = field(default_factory=dict)
 
     def loads_of(self, members: Iterable[str]) -> tuple[str, ...]:

@@ -594,7 +594,7 @@ NOT_RECOMMENDED = (
     "`rarms measure` creates and removes a partition with the name",
     "`rarms apply` is not affected",
     "`rarms undo` cannot restore it",
-    "`rarms undo` of the apply that created it still removes it",
+    "`rarms undo` of the apply that created the partition still removes it",
     "`rarms undo` and the undo script cannot restore it",
     "y stops them like `rarms stop`",
     "like `rarms tune --interactive`",
