@@ -17,23 +17,23 @@ UNTIL_MS = 20_000.0
 TOGETHER = (0, 2, 5, 10, 15)
 
 PARAMETERS = """\
-## Which parameter acts on which figure
+## Parameters of each figure
 
 | parameter | value | where | figures |
 |---|---|---|---|
 | work, blocked time and variation of FDP | 61.6 ms, 26.4 ms, 5 % | `manifests/delivery-robot` | 1, 3, 4 |
 | the demands of SRP, VSP and PPP | 50 ms; 2 ms every 33 ms; 20 ms and 30 ms blocked | `manifests/delivery-robot` | 3 |
-| window over which a reserve holds, and unused claim is kept | 100 ms | `machine.py` | 1: the bend at 70 % |
-| claim that is saved before it interrupts; slice of what is left over | 20 ms; 10 ms | `hypervisor.py` | 1, a little |
+| window of a reserve and of unused claim | 100 ms | `machine.py` | 1: the bend at 70 % |
+| saved claim before an interruption; slice of unclaimed time | 20 ms; 10 ms | `hypervisor.py` | 1, a little |
 | weight of P2 | 10000 | `rarms measure` | 1: with Table 1's 100 P1 gets a third more at 10 % |
-| interrupts of a quiet machine | 1 % | `machine.py` | 1, 3, 4 |
-| thread priorities 30 and 31, 8 | as the paper says | `experiments.py` | 3 |
-| turn of a thread | 31.2 ms | `hypervisor.py` | 3: where VSP and PPP bend |
+| interrupts of an idle machine | 1 % | `machine.py` | 1, 3, 4 |
+| thread priorities 30 and 31, 8 | as in the paper | `experiments.py` | 3 |
+| turn of a thread | 31.2 ms | `hypervisor.py` | 3: the degradation of VSP and PPP |
 | decoding a frame | 4 ms | `simulation.py` | 3, 4 |
-| painting it, and its interrupts, on the machine itself | 2 ms, 0.2 ms | `simulation.py` | 3 |
-| its intercepts, and the parent's emulation, in a partition | 10 ms, 16 ms | `simulation.py` | 4: the peak at two |
+| painting a frame, and its interrupts, on the machine itself | 2 ms, 0.2 ms | `simulation.py` | 3 |
+| traps of a frame, and the parent's emulation, in a partition | 10 ms, 16 ms | `simulation.py` | 4: the peak at two |
 | memory of a system and of a browser | 150 MiB, 130 MiB | `simulation.py` | 4: the fall towards ten |
-| a disk read, and how many frames need one at worst | 12 ms, a third | `simulation.py` | 4: the fall towards ten |"""
+| a disk read, and the largest share of frames with it | 12 ms, a third | `simulation.py` | 4: the fall towards ten |"""
 
 
 def main() -> None:
@@ -102,9 +102,11 @@ def _page(
     return [
         "# The paper's figures on the simulated host",
         "",
-        "Written by `make figures` from the parameters of `manifests/delivery-robot`; how the simulated processors are",
-        "shared says [scheduling-model.md](scheduling-model.md). One set of parameters serves all figures: only what",
-        "the paper varied differs. Means of "
+        "`make figures` writes this page from the parameters of `manifests/delivery-robot`. For the model of "
+        "the processors,",
+        "see [scheduling-model.md](scheduling-model.md). All figures use the same parameters, except those "
+        "that the paper",
+        "varied. The values are means of "
         f"{JOBS} jobs (Fig. 3: of {UNTIL_MS / 1000:g} s) for each of {len(SEEDS)} seeds.",
         f"Run with commit {_commit()}, the last one before the run that changed the simulated host or the parameters.",
         "",
@@ -122,9 +124,11 @@ def _table_1(curve: dict[int, float]) -> list[str]:
     return [
         "## Fig. 1: face detection against busy loops",
         "",
-        "P2 reserves the rest and has the weight 10000, as in `rarms "
-        "measure`. The paper's Table 1 has 100 for both: with",
-        "that, P1 would get a third of what its own second VP leaves idle, and 10 % would take about 465 ms.",
+        "P2 reserves the remaining time and has the weight 10000, as in `rarms measure`. In the paper's "
+        "Table 1, both weights",
+        "are 100. With these weights, P1 would get a third of the idle time of its second VP, and the value "
+        "at 10 % would be",
+        "about 465 ms.",
         "",
         "![Response time falls with the reservation](figures/figure-1.svg)",
         "",
@@ -139,13 +143,15 @@ def _table_3(three: list[Loaded]) -> list[str]:
     return [
         "## Fig. 3: one operating system, no partitions",
         "",
-        "Each component alone with the browsers; FDP and SRP in their task classes at priorities 30 and 31, VSP and",
-        "PPP at the ordinary one. The paper: FDP and SRP do not change up to 100 % utilisation; VSP and PPP degrade",
+        "Each component runs alone with the browsers. FDP and SRP have their task classes at priorities 30 "
+        "and 31, VSP and",
+        "PPP have the ordinary priority. In the paper, FDP and SRP do not change up to 100 % utilisation. "
+        "VSP and PPP degrade",
         "above about 70 %.",
         "",
         "![Classes stay flat, ordinary threads degrade](figures/figure-3.svg)",
         "",
-        "| browsers | they use | FDP (ms) | SRP (ms) | SRP in time | VSP (ms) | VSP in time | PPP (ms) |",
+        "| browsers | used by browsers | FDP (ms) | SRP (ms) | SRP in time | VSP (ms) | VSP in time | PPP (ms) |",
         "|---:|---:|---:|---:|---:|---:|---:|---:|",
         *(_row_3(point) for point in three),
         "",
@@ -155,13 +161,13 @@ def _table_3(three: list[Loaded]) -> list[str]:
 def _table_together(together: dict[int, dict[str, float]]) -> list[str]:
     names = (FDP, SRP, VSP, PPP)
     return [
-        "**All four at once**, mean response times in ms. FDP and SRP"
-        " do not change here either. SRP, whose jobs follow",
-        "each other without a pause, and FDP fill 1.7 of the two LPs,"
-        " so VSP and PPP are late before a browser runs at all:",
-        "where they bend cannot be seen so, which is why the figure has each component alone. From ten browsers "
-        "on VSP's",
-        "jobs queue up for as long as it runs.",
+        "**All four together.** The table shows mean response times in ms. FDP and SRP do not change here "
+        "either. The jobs of",
+        "SRP follow each other without a pause. SRP and FDP use 1.7 of the two LPs. So VSP and PPP are late "
+        "even without a",
+        "browser, and the table does not show the start of their degradation. For this reason, the figure "
+        "has each component",
+        "alone. From ten browsers on, the queue of VSP grows during the whole run.",
         "",
         _row("browsers", "FDP", "SRP", "VSP", "PPP"),
         "|---:|---:|---:|---:|---:|",
@@ -185,8 +191,9 @@ def _table_4(four: dict[tuple[int, int], dict[int, float]]) -> list[str]:
     return [
         "## Fig. 4: face detection against browsers",
         "",
-        "Reserves of P1 and P2 in per cent, mean response times in ms. The paper: a reservation does not hide",
-        "interrupts.",
+        "The table shows mean response times in ms, for reserves of P1 and P2 in per cent. In the paper, a "
+        "reservation does",
+        "not hide interrupts.",
         "",
         "![Browsers slow face detection at every reservation](figures/figure-4.svg)",
         "",

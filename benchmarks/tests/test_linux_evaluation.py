@@ -156,5 +156,9 @@ def test_page_sums_what_rules_missed() -> None:
     lines = page(early, {}, MACHINE).splitlines()
 
     assert f"| {FDP} | {apt} | 16 to 20 % | none |  |" in lines
-    assert lines[-5:-2] == ["- Fig. 3 (robotic classes under load)", "- Fig. 4 (browsers)", "- what people do today"]
+    assert lines[-5:-2] == [
+        "- Fig. 3 (robotic classes under load)",
+        "- Fig. 4 (browsers)",
+        "- the comparison with other methods",
+    ]
     assert not any(line.startswith("## Fig. 3") for line in lines)
