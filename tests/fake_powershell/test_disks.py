@@ -110,7 +110,7 @@ def test_disk_named_like_a_pattern_is_refused() -> None:
     ran = apply(host, prepared.plan)
 
     assert ran.code == 1, ran.says
-    assert "D:\\\\lab\\\\a[1].vhdx: Get-VHD reads this name as a pattern, rename the file" in ran.says
+    assert "D:\\\\lab\\\\a[1].vhdx: Get-VHD reads this name as a pattern; rename the file" in ran.says
     assert host.file(path) is not None
 
 
@@ -151,7 +151,7 @@ def test_undo_leaves_no_partition_folder() -> None:
         ran = undo(host, prepared.plan)
 
         where = whole[number] if number < len(whole) else "done"
-        assert ran.code == 0 or (ran.code == 3 and "undo the last run here first" in ran.says), f"{where}\n{ran.says}"
+        assert ran.code == 0 or (ran.code == 3 and "undo that run first" in ran.says), f"{where}\n{ran.says}"
         assert below(host) == set(), where
     assert made == {"D:\\vms\\planning", "D:\\vms\\planning\\planning.vhdx"}
 

@@ -306,7 +306,7 @@ def test_guard_in_guest_ends_what_dead_session_started(measured: Measured) -> No
         (lambda host: setattr(host.file(CREDENTIAL), "owner", "S-1-5-21-1"), "not to Administrators or SYSTEM"),
         (lambda host: host.programs.pop("vision.exe"), "The system cannot find the file specified."),
         (lambda host: setattr(host, "scheduler", 4), "root scheduler"),
-        (lambda host: setattr(host, "lock", "held"), "it is held by"),
+        (lambda host: setattr(host, "lock", "held"), "locked by "),
     ],
     ids=[
         "wrong password",
@@ -336,8 +336,8 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
     [
         ({"what_if": True}, 0, "would be made"),
         ({"abandon": True}, 1, "a measurement has no unfinished run: start the script without -Abandon"),
-        ({"lock_timeout": -5}, 1, "-LockTimeout takes 0 to 86400 seconds"),
-        ({"lock_timeout": 3_000_000}, 1, "-LockTimeout takes 0 to 86400 seconds"),
+        ({"lock_timeout": -5}, 1, "-LockTimeout must be 0 to 86400 seconds"),
+        ({"lock_timeout": 3_000_000}, 1, "-LockTimeout must be 0 to 86400 seconds"),
     ],
     ids=["-WhatIf", "-Abandon", "too short", "too long"],
 )

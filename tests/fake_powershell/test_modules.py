@@ -34,7 +34,7 @@ function Invoke-RarmsPlan {
     $own = @(Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
     $aliases = @(Get-Alias -Name @($own.Name) -ErrorAction Ignore)
     if ($aliases.Count) {
-        Show-Line -Text ('an alias hides a function of rarms, remove it: ' + ($aliases.Name -join ', '))
+        Show-Line -Text ('an alias hides a function of rarms; remove it: ' + ($aliases.Name -join ', '))
         return
     }
     try {

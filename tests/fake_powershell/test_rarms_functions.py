@@ -72,7 +72,7 @@ def test_destructive_script_asks_by_its_path_too(prepared: Prepared, host: Windo
 
 def test_path_must_be_given(host: WindowsHost) -> None:
     for name in ("Invoke-RarmsPlan", "Test-RarmsPlan"):
-        assert "give -Path: the script of a plan" in at_prompt(host, name).says
+        assert "-Path is missing: give the script of a plan" in at_prompt(host, name).says
 
 
 @pytest.mark.parametrize("data", [render_observe(), signed(render_observe())], ids=["as made", "signed"])
@@ -88,7 +88,7 @@ def test_module_folder_script_observes_the_computer(host: WindowsHost, data: byt
 @pytest.mark.parametrize(
     ("files", "says"),
     [
-        ({}, "observe.ps1 is missing: put it there as rarms wrote it"),
+        ({}, "observe.ps1 is missing: restore the file that rarms wrote"),
         ({"Rarms/observe.ps1": render_observe() + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
         ({"Rarms/observe.ps1": signed(render_observe()) + b"Remove-Item C:\\\r\n"}, "observe.ps1 was edited"),
         (
@@ -208,7 +208,7 @@ def test_asked_run_stops_and_can_go_on(prepared: Prepared, host: WindowsHost) ->
     assert (stopped.code, stopped.events[-1]["status"]) == (1, "stopped"), stopped.says
     assert (again.code, again.events[-1]["status"]) == (0, "done"), again.says
     said = at_prompt(host, f"Stop-RarmsRun -Path '{FOLDER}\\none.ps1'").says
-    assert f"there is no script {FOLDER}\\none.ps1: give the path of a plan's script" in said
+    assert f"the script {FOLDER}\\none.ps1 does not exist: give the script of a plan" in said
 
 
 def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
@@ -217,7 +217,7 @@ def test_a_computer_that_is_held_is_not_closed(prepared: Prepared) -> None:
 
     ran = at_prompt(host, "Close-RarmsRun -Force")
 
-    assert (ran.code, "it is held by" in ran.says) == (1, True), ran.says
+    assert (ran.code, "locked by " in ran.says) == (1, True), ran.says
 
 
 def test_script_is_found_from_where_a_person_stands(prepared: Prepared, host: WindowsHost) -> None:

@@ -34,7 +34,7 @@ def test_callers_alias_is_named_first(name: str, single: bool) -> None:
     ran = apply(host, plan)
 
     assert (ran.code, host.effects) == (1, []), ran.says
-    assert f"an alias hides a function of rarms, remove it: {name.lower()}" in ran.says
+    assert f"an alias hides a function of rarms; remove it: {name.lower()}" in ran.says
 
 
 def without(name: str) -> Callable[[Mapping[str, bytes]], Mapping[str, bytes]]:

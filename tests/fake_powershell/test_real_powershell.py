@@ -49,7 +49,7 @@ def test_declined_step_skips_what_builds_on_it(cell, name: str) -> None:  # type
         assert set(statuses[statuses.index("skipped") :]) == {"skipped"}, f"{action}\n{ran.says}"
         reasons = {event["detail"] for event in ran.events if event["status"] == "skipped"}
         named = {reason for reason in reasons if re.fullmatch(rf"needs [^ ]+, {re.escape(action)}", reason)}
-        assert reasons - named <= {"left out", "needs room that skipped steps would have made"}
+        assert reasons - named <= {"left out", "needs capacity that skipped steps would have freed"}
         taken_back = host.copy()
         undone = undo(taken_back, prepared.plan)
         assert undone.code == 0, f"{action}\n{undone.says}"
@@ -161,7 +161,7 @@ def test_no_other_line_stands_between_the_events() -> None:
 
     assert refused.code == 1
     assert [event["status"] for event in refused.events] == ["failed"]
-    assert "give -AsJson without -Verbose" in refused.says
+    assert "-AsJson excludes -Verbose" in refused.says
     assert any(line.startswith("VERBOSE: ") for line in spoken.lines), "as the stand-in knows it"
     assert spoken.code == 0
     assert b"Cannot be combined with -Verbose" in files_of(prepared.plan)[apply_script(prepared.plan)]
@@ -209,7 +209,7 @@ def test_impossible_wait_is_refused(seconds: int) -> None:
     ran = run(host, apply_script(prepared.plan), lock_timeout=seconds)
 
     assert ran.code == 1
-    assert ran.events[-1]["detail"] == "-LockTimeout takes 0 to 86400 seconds"
+    assert ran.events[-1]["detail"] == "-LockTimeout must be 0 to 86400 seconds"
     assert [effect for effect in host.effects if not effect.endswith(".result.json")] == []
 
 
@@ -262,7 +262,7 @@ def test_missing_undo_script_is_named() -> None:
     ran = run(host, apply_script(prepared.plan))
 
     assert ran.code == 1
-    assert ran.events[-1]["detail"].endswith("is missing: put it there as rarms wrote it")
+    assert ran.events[-1]["detail"].endswith("is missing: restore the file that rarms wrote")
 
 
 @pytest.mark.parametrize(

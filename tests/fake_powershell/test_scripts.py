@@ -240,7 +240,7 @@ def test_moved_host_is_not_touched(move: str) -> None:
     refused = [event for event in ran.events if event["status"] in ("refused", "failed")]
     assert len(refused) == 1, ran.says
     assert (ran.code, refused[0]["address"]) == (3, f"partition/{name}"), ran.says
-    assert (refused[0]["detail"] == "it is gone from this host: make a new plan") is (move == "removed")
+    assert (refused[0]["detail"] == "it does not exist on this host any more: make a new plan") is (move == "removed")
     assert seen(host) == before
 
 
@@ -267,7 +267,7 @@ def test_change_during_run_stops_before_its_step() -> None:
         ({"computer": "OTHER"}, 3, "this is OTHER"),
         ({"logical_processors": 2}, 3, "2 logical processors"),
         ({"scheduler": 4}, 1, "root scheduler"),
-        ({"lock": "held"}, 3, "it is held by"),
+        ({"lock": "held"}, 3, "locked by "),
         ({"elevated": False}, 1, ""),
         ({"bits": 32}, 3, "32 bits"),
         ({"loads_hyperv": False}, 3, "start powershell.exe"),
@@ -392,7 +392,7 @@ def test_waiting_for_another_run_is_limited(frees_s: int, code: int) -> None:
     ran = run(host, apply_script(prepared.plan), lock_timeout=30)
 
     assert ran.code == code, ran.says
-    assert ("it is held by engineer@DESK, process 9" in ran.says) is (code == 3)
+    assert ("locked by  engineer@DESK, process 9" in ran.says) is (code == 3)
 
 
 def test_folder_is_protected_before_opening_anything() -> None:
@@ -735,8 +735,8 @@ def test_missing_room_stops_the_start() -> None:
     ran = apply(host, prepared.plan)
 
     assert ran.code == 1, ran.says
-    assert re.search(r"cannot keep this promise: needs \d(\.\d+)? LP and \d+ MiB, free \d(\.\d+)? LP and", ran.says)
-    assert re.search(r"promised: .*greedy 2\.4 LP.*; make room and run this again, or make a new plan", ran.says)
+    assert re.search(r"cannot honour this reservation: needs \d(\.\d+)? LP and \d+ MiB, free \d(\.\d+)? LP and", ran.says)
+    assert re.search(r"reserved: .*greedy 2\.4 LP.*; free capacity and run the script again, or make a new plan", ran.says)
     host = host.copy()
     del host.vms[greedy.id]
     finished = again(host, prepared)
@@ -750,7 +750,7 @@ def test_refused_setting_ends_with_advice(monkeypatch: pytest.MonkeyPatch) -> No
     ran = apply(prepared.copy(), prepared.plan)
 
     assert ran.code == 1, ran.says
-    assert "set, but the host still shows another reserve: see what refuses or sets it there, then run this" in ran.says
+    assert "after the change, the host shows a different reserve: find the cause, then run the script again" in ran.says
 
 
 def test_image_boots_from_disk_with_secure_boot_template() -> None:
@@ -789,7 +789,7 @@ def test_later_machine_without_smt_takes_whole_cores() -> None:
     ran = apply(host, plan)
 
     assert ran.code == 1, ran.says
-    assert "each of its processors has to fit onto one core with the others: needs 1.2 LP" in ran.says
+    assert "each of its processors must fit on one core with the others: needs 1.2 LP" in ran.says
 
 
 @pytest.mark.parametrize(("scheduler", "code"), [(2, 0), (3, 1)])

@@ -103,7 +103,7 @@ def test_script_may_be_silent_while_guest_stops() -> None:
         (120, {"needs_ms": 10_000, "unsaved": True}, 70, ""),
         (120, {"needs_ms": 10_000, "locked": True}, 70, "could not be asked"),
         (120, {"stop_fails": True}, 120, "The guest refused to shut down"),
-        (120, {"needs_ms": 100_000}, 100, "could not be forced, and is waited for"),
+        (120, {"needs_ms": 100_000}, 100, "could not be forced; waiting for it"),
     ],
 )
 def test_guest_is_asked_then_forced_then_cut(grace_s: int, guest: dict[str, object], stops_s: int, says: str) -> None:

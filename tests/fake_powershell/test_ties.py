@@ -61,8 +61,8 @@ def test_a_primary_is_ours() -> None:
 @pytest.mark.parametrize(
     ("tie", "words"),
     [
-        ({"replication_mode": "Replica"}, "a replica of one on another host"),
-        ({"clustered": "True"}, "of a failover cluster"),
+        ({"replication_mode": "Replica"}, "a replica of a machine on another host"),
+        ({"clustered": "True"}, "part of a failover cluster"),
         ({"shielded": True}, "shielded"),
     ],
     ids=["replica", "cluster", "shielded"],
@@ -78,7 +78,7 @@ def test_tied_machine_is_refused_by_name(tie: dict[str, object], words: str, pur
     ran = apply(host, plan)
 
     assert ran.code == 3, ran.says
-    assert f"machine vision ({the_machine(host).id}) is {words}, and not changed here" in ran.events[-1]["detail"]
+    assert f"vision ({the_machine(host).id}) is {words} and is not changed" in ran.events[-1]["detail"]
     assert seen(host) == before
 
 

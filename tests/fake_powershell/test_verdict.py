@@ -146,7 +146,7 @@ def test_task_classes_wait_for_restart_and_service(start: int | None) -> None:
     again = run(host, apply_script(made.plan))
 
     noted = [event["detail"] for event in ran.events if event["status"] == "noted"][:-1]
-    assert ran.events[-2]["detail"] == "restart Windows: classes are read when it starts"
+    assert ran.events[-2]["detail"] == "restart Windows: MMCSS reads the classes at the start"
     assert ran.events[-1]["status"] == "done"
     assert [detail.partition(" here:")[0] for detail in noted] == ["the service MMCSS is missing or disabled"] * (
         start != 2
@@ -247,7 +247,7 @@ def test_held_journal_is_named() -> None:
     ran = apply(host, removal)
 
     assert (ran.code, ran.events[-1]["status"]) == (1, "failed"), ran.says
-    assert f"{JOURNAL} cannot be used, close the program that has it open" in ran.events[-1]["detail"]
+    assert f"{JOURNAL} cannot be used; close the program that has it open" in ran.events[-1]["detail"]
 
 
 def test_held_verdict_lies_in_program_data() -> None:

@@ -57,7 +57,7 @@ _NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 _REPLICAS = frozenset({"Replica", "TestReplica", "ExtendedReplica"})
 
-REPLICA_MARK = "the machine is a replica of one on another host"
+REPLICA_MARK = "the machine is a replica of a machine on another host"
 """Why a mark on it does not count."""
 
 

@@ -1,8 +1,8 @@
 # The module Rarms: functions that all scripts of rarms call. Importing it runs nothing.
-# Order: runs, steps, comparison of readings, events; then one section for each kind of resource.
+# Order: runs, steps, comparison of readings, events, then one section for each kind of resource.
 
 [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
-    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+    Target = '*', Justification = 'Test-Wanted asks once before each step.')]
 param()
 
 # Ignore preferences set by a profile or the caller.
@@ -30,7 +30,7 @@ function Invoke-RarmsPlan {
     .SYNOPSIS
         Runs the steps of a plan and writes their events to the pipeline.
     .PARAMETER Path
-        The script of a plan. It is run unchanged.
+        The script of a plan. The script runs unchanged.
     .PARAMETER Run
         Values from the script: its $PSCmdlet, paths, preferences and plan, and a reference for its exit code.
     #>
@@ -40,10 +40,10 @@ function Invoke-RarmsPlan {
     # Remove aliases of the caller first: an alias has priority over this module's functions.
     $own = @(Microsoft.PowerShell.Core\Get-Command -CommandType Function -Module $MyInvocation.MyCommand.Module.Name)
     $aliases = @(Microsoft.PowerShell.Utility\Get-Alias -Name @($own.Name) -ErrorAction Ignore)
-    if ($aliases.Count) { throw ('an alias hides a function of rarms, remove it: ' + ($aliases.Name -join ', ')) }
+    if ($aliases.Count) { throw ('an alias hides a function of rarms; remove it: ' + ($aliases.Name -join ', ')) }
     try {
         Initialize-Run -Run $Run
-        if ($Run.AsJson -and $Run.Caller.MyInvocation.BoundParameters['Verbose']) { throw 'give -AsJson without -Verbose' }
+        if ($Run.AsJson -and $Run.Caller.MyInvocation.BoundParameters['Verbose']) { throw '-AsJson excludes -Verbose' }
         # Bind the blocks to this module, so that they see its variables and functions.
         $bound = $MyInvocation.MyCommand.Module.NewBoundScriptBlock($Run.Plan)
         & $bound
@@ -99,7 +99,7 @@ function Get-RarmsObservation {
 function Get-RarmsRun {
     <#
     .SYNOPSIS
-        Returns the recorded runs of this computer, the last one at the end. A run without a closing is unfinished.
+        Returns the recorded runs of this computer, the last run at the end. A run without a closing is unfinished.
     #>
     [CmdletBinding(PositionalBinding = $false)]
     param()
@@ -126,7 +126,7 @@ function Undo-RarmsRun {
     $last = $script:Started
     # Continue an interrupted undo.
     $text = if ($last) { if ($last.run -ceq 'undo' -and -not $script:Closing) { $last.script } else { $last.undo } }
-    if (-not $text) { throw 'the last run here was none of a plan, or an undo that is done: there is nothing to undo' }
+    if (-not $text) { throw 'there is nothing to undo: the last run here was not of a plan, or was a complete undo' }
     # Use a folder that only administrators may write to. Remove it also after a preview. A single file has no module.
     $dir = Join-Path -Path $script:Folder -ChildPath ('undo-' + $PID)
     Add-Folder -Path $dir
@@ -143,7 +143,7 @@ function Undo-RarmsRun {
 function Stop-RarmsRun {
     <#
     .SYNOPSIS
-        Asks the run of this script to end before its next step. Run the script again to continue.
+        Stops the run of this script before its next step. Run the script again to continue.
     #>
     [CmdletBinding(SupportsShouldProcess, PositionalBinding = $false)]
     param([Parameter(Mandatory)] [string] $Path)
@@ -182,9 +182,9 @@ function Resolve-Script {
     # Use the full path: .NET does not use the location of PowerShell.
     [CmdletBinding(PositionalBinding = $false)]
     param([string] $Path)
-    if (-not $Path) { throw 'give -Path: the script of a plan' }
+    if (-not $Path) { throw '-Path is missing: give the script of a plan' }
     $whole = $PSCmdlet.GetUnresolvedProviderPathFromPSPath($Path)
-    $text = 'there is no script {0}: give the path of a plan''s script'
+    $text = 'the script {0} does not exist: give the script of a plan'
     if (-not ([System.IO.File]::Exists($whole))) { throw ($text -f $whole) }
     $whole
 }
@@ -249,18 +249,18 @@ function Open-Run {
     $plan = $script:Plan
     Lock-Host
     Write-Verdict
-    if ([IntPtr]::Size -ne 8) { Exit-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    if ([IntPtr]::Size -ne 8) { Exit-Run -Detail 'this PowerShell has 32 bits: start the PowerShell with 64 bits' }
     if ($plan.Guest) { Assert-Guest } else { Assert-VmHost }
     Import-Journal
     $last = $script:Started
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Run -Detail 'undo the last run here first: it was another' }
+        if (-not $same -or $last.run -cne 'apply') { Exit-Run -Detail 'the last run here was another: undo that run first' }
     } elseif ($null -ne $last -and -not $script:Closing) {
         Exit-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Run -Detail 'this plan was used, or another was applied since it was made: make a new plan'
+        Exit-Run -Detail 'this plan was already used, or another plan was applied later: make a new plan'
     }
     Clear-Journal
 }
@@ -272,7 +272,7 @@ function Close-Run {
     Import-Journal
     $last = $script:Started
     if ($null -eq $last -or $script:Closing) { return Write-RunEvent -Kind 'run' -Status 'unchanged' }
-    $other = 'plan {0} is unfinished here, not this one: give -Abandon to its script'
+    $other = 'the unfinished plan here is {0}: run the script of that plan with -Abandon'
     if ($script:Plan.Plan -and $last.plan -cne $script:Plan.Plan) { Exit-Run -Detail ($other -f $last.plan) }
     $script:Plan = @{ Plan = $last.plan; Run = $last.run }
     $wanted = Test-Wanted -Address 'host' -Action 'close the unfinished run'
@@ -307,7 +307,7 @@ function Complete-Run {
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
         $script:Current = $script:Whole
-        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'steps were left out; run it again to do them, or -Abandon'
+        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'steps were skipped: run the script again, or use -Abandon'
     }
     if ($script:Closing -cne 'done') {
         Assert-Host -Last
@@ -315,16 +315,16 @@ function Complete-Run {
         $all = @(foreach ($one in $script:Steps) { if ($one.Address -cmatch '(^|/)task/') { [string] $one.Number } })
         if (@(foreach ($number in $all) { $script:Recorded[$number] }) -ccontains 'changed') {
             $start = Get-KeyValue -Path 'HKLM:\SYSTEM\CurrentControlSet\Services\MMCSS' -Name 'Start'
-            $lack = 'the service MMCSS is missing or disabled here: classes have no effect until it starts with Windows'
+            $lack = 'the service MMCSS is missing or disabled here: classes have no effect until the service starts'
             if ($null -eq $start -or $start -eq 4) { Write-RunEvent -Kind 'run' -Status 'noted' -Detail $lack }
-            Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: classes are read when it starts'
+            Write-RunEvent -Kind 'run' -Status 'noted' -Detail 'restart Windows: MMCSS reads the classes at the start'
         }
     }
     Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
 }
 
 function Assert-Host {
-    # Read everything: finished steps must still be in effect, the others must find the planned state.
+    # Read everything. Finished steps must still be in effect. The other steps must find the planned state.
     param([switch] $Last)
     $made = Get-OrdinalTable  # by address: the state after the finished steps
     $ahead = Get-OrdinalTable  # addresses that a later step renames
@@ -379,7 +379,7 @@ function Assert-Host {
 }
 
 function Invoke-Step {
-    # Read, compare, set, read again. Do nothing if it is already as wanted. Stop if it differs from both states.
+    # Read, compare, set, read again. Do nothing if the state is as wanted. Stop if it differs from both states.
     param([System.Collections.IDictionary] $Step)
     $set = $Step.Set
     $fits = $Step.Fits
@@ -388,10 +388,10 @@ function Invoke-Step {
     if ($leave) { return Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave }
     $stop = $script:Run.ScriptPath + '.stop'
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $stop) {
-        # This file next to the script asks for an end before the next step, once.
+        # This file next to the script requests one stop before the next step.
         Use-SharedFile -Writing -Path $stop -Do { [System.IO.File]::Delete($stop) }
         $script:Current = $script:Whole
-        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'asked to stop; run it again to go on'
+        Exit-Run -Kind 'run' -Status 'stopped' -Code 1 -Detail 'stopped on request: run the script again to continue'
     }
     # Readings expire after ten seconds. A reservation counts all machines.
     if ([DateTime]::UtcNow -gt $script:Fresh) { $script:Known.Clear() }
@@ -414,9 +414,9 @@ function Invoke-Step {
         Exit-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) {
-            throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
+            throw ('{0}: the host cannot honour this reservation: {1}' -f $Step.Address, $script:Shortage)
         }
-        $skip = 'needs room that skipped steps would have made'
+        $skip = 'needs capacity that skipped steps would have freed'
     } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
         $skip = 'left out'
     }
@@ -436,25 +436,25 @@ function Invoke-Step {
     $allFollow = $Step.Number -eq $script:Steps.Count - 1 -and $Step.Address -cne $script:Steps[0].Address
     $script:Listing = $allFollow -or $Step.After['exists'] -ceq $false
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
-    $text = '{0}: set, but the host still shows another {1}: see what refuses or sets it there, then run this again'
+    $text = '{0}: after the change, the host shows a different {1}: find the cause, then run the script again'
     if ($missed.Count) { throw ($text -f $Step.Address, ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
 }
 
 function Test-Open {
-    # Whether one of these differs from the wanted state. Work of an interrupted run is not repeated.
+    # Whether one of these values differs from the wanted state. Work of an interrupted run is not repeated.
     param([string[]] $Name)
     @(foreach ($one in $Name) { if ($script:Open -ccontains $one) { $one } }).Count -gt 0
 }
 
 function Test-Wanted {
-    # Whether -WhatIf or the user allows it. With -AsJson, no "What if" line is written between events.
+    # Whether -WhatIf or the user allows the step. With -AsJson, no "What if" line is written between events.
     [Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSShouldProcess', '', Justification = 'It asks for the script.')]
     param([string] $Address, [string] $Action)
     if ($script:Run.AsJson -and $script:Preview) { return $false }
     $ConfirmPreference = $script:Run.Confirmation
     try { $script:Run.Caller.ShouldProcess($Address, $Action) }
-    catch { throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force' }
+    catch { throw 'this step needs a confirmation: run the script in a console, or with -Force' }
 }
 
 function Get-Leave {
@@ -462,7 +462,7 @@ function Get-Leave {
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
     $lost = $script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']
-    if ($lost) { return 'went with its machine' }
+    if ($lost) { return 'removed with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }
@@ -513,7 +513,7 @@ function Compare-Reading {
 function Get-Difference {
     param([string[]] $Name, $Live, $Expected, [string] $Text = 'changed since the plan: ')
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
-        return 'it is gone from this host: make a new plan'
+        return 'it does not exist on this host any more: make a new plan'
     }
     $names = @($Name | Microsoft.PowerShell.Utility\Sort-Object)  # tables are unordered
     $Text + ($names -join ', ') + '; make a new plan'
@@ -621,7 +621,7 @@ function Show-Run {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    $detail = '{0} of {1} steps are to do; nothing was changed' -f $ahead.Count, $shown.Count
+    $detail = '{0} of {1} steps remain; nothing was changed' -f $ahead.Count, $shown.Count
     Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
 }
 
@@ -655,7 +655,7 @@ function Get-Preview {
             continue
         }
         if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
-            throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
+            throw ('{0}: the host cannot honour this reservation: {1}' -f $step.Address, $script:Shortage)
         }
         $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
         @{ Step = $step; Status = 'previewed'; Detail = $detail }
@@ -677,7 +677,7 @@ function Get-Loss {
 function Lock-Host {
     # A preview does not lock. Secure the folder first, so that no other account can open, and so lock, its files.
     $wait = $script:Run.LockTimeout
-    if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
+    if ($wait -lt 0 -or $wait -gt 86400) { throw '-LockTimeout must be 0 to 86400 seconds' }
     if ($script:Preview) { return }
     if (Microsoft.PowerShell.Management\Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { Add-Folder -Path $script:Folder }
@@ -695,7 +695,7 @@ function Lock-Host {
             if (-not ([DateTime]::UtcNow -lt $until)) {
                 try { $holder = '' + (Read-SharedFile -Path $script:OwnerFile) } catch { $holder = '' }
                 if (-not $holder) { $holder = 'an unknown user' }
-                $text = 'it is held by {0}, who has {1} open: wait, or give -LockTimeout'
+                $text = 'locked by {0}, who has {1} open: wait, or set -LockTimeout'
                 Exit-Run -Kind 'lock' -Detail ($text -f $holder, $script:OwnerFile)
             }
         }
@@ -718,11 +718,11 @@ function Assert-NoLink {
     param([string] $Path)
     $attributes = Use-SharedFile -Path $Path -Do { [System.IO.File]::GetAttributes($Path) }
     $link = $attributes -band [System.IO.FileAttributes]::ReparsePoint
-    if ($link) { throw ('{0} is a link: look where it leads, then remove it' -f $Path) }
+    if ($link) { throw ('{0} is a link: check its target, then remove the link' -f $Path) }
 }
 
 function Assert-Owner {
-    # A planted journal or folder must not control an administrator or redirect files.
+    # A journal or folder of another user must not control an administrator or redirect files.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     Assert-NoLink -Path $Path
@@ -730,7 +730,7 @@ function Assert-Owner {
         (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     }
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
-    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
+    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: check the file, then remove it' -f $Path, $owner)
 }
 
 # === journal: the record of a run on this computer: one line of JSON per record, with its length and a checksum.
@@ -741,7 +741,7 @@ function Import-Journal {
     $whole = Read-SharedFile -Path $script:Journal
     if ($null -eq $whole) { return }
     foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
-    $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
+    $damage = $script:Journal + ' is damaged: check the result of the last run, then remove the file'
     $torn = $false
     foreach ($line in @($whole -split '(?<=\n)')) {
         if ($torn -and $line) { throw $damage }
@@ -814,13 +814,13 @@ function Read-MadeFile {
     # Return the text of a file of rarms, if it was not edited.
     param([string] $Path, [string] $Digest)
     $text = Read-SharedFile -Path $Path
-    if ($null -eq $text) { throw ('{0} is missing: put it there as rarms wrote it' -f $Path) }
+    if ($null -eq $text) { throw ('{0} is missing: restore the file that rarms wrote' -f $Path) }
     if ((Get-UnsignedDigest -Text $text) -ceq $Digest) { return $text }
     $text = $text -creplace '\r?\n', ('' + [char] 13 + [char] 10)
     if ((Get-UnsignedDigest -Text $text) -ceq $Digest) {
         throw ('{0} has changed line ends: in git, set "*.ps* -text"' -f $Path)
     }
-    throw ('{0} was edited: put it there as rarms wrote it' -f $Path)
+    throw ('{0} was edited: restore the file that rarms wrote' -f $Path)
 }
 
 function Get-UnsignedDigest {
@@ -874,25 +874,25 @@ function Assert-VmHost {
     }
     $vmHost = Hyper-V\Get-VMHost
     if (-not (Test-Same -AnyCase -Left $vmHost.Name -Right $plan.Computer)) {
-        Exit-Run -Detail ('this is {0}, the plan is for {1}: run it there' -f $vmHost.Name, $plan.Computer)
+        Exit-Run -Detail ('this computer is {0}, the plan is for {1}: run it on {1}' -f $vmHost.Name, $plan.Computer)
     }
     if ($plan.Identity) {
         # The identity of this Windows, as observe.ps1 computes it.
         $id = '' + (Get-KeyValue -Path 'HKLM:\SOFTWARE\Microsoft\Cryptography' -Name 'MachineGuid')
         $id = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant()))
         if ($id.Substring(0, 32) -cne $plan.Identity) {
-            Exit-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+            Exit-Run -Detail ('the plan is for another computer named {0}: make a plan for this computer' -f $vmHost.Name)
         }
     }
     # An undo reserves nothing new.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Exit-Run -Detail ('it has {0} logical processors now: make a new plan' -f $vmHost.LogicalProcessorCount)
+        Exit-Run -Detail ('the host now has {0} logical processors: make a new plan' -f $vmHost.LogicalProcessorCount)
     }
     if (-not $vmHost.NumaSpanningEnabled) { $script:Nodes = @(Hyper-V\Get-VMHostNumaNode) }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
-        throw 'the hypervisor runs its root scheduler, under which no reserve works: choose core, or accept it'
+        throw 'reserves have no effect with the root scheduler: select the core scheduler, or accept RARMS159'
     }
 }
 
@@ -909,10 +909,10 @@ function Test-RootScheduler {
 function Assert-Guest {
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
     $id = ('' + (Get-KeyValue -Path $path -Name 'VirtualMachineId')).ToLowerInvariant()
-    if (-not $id) { Exit-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that' }
+    if (-not $id) { Exit-Run -Detail 'this Windows is not a guest, or its service vmickvpexchange never ran: start it' }
     $name = '' + (Get-KeyValue -Path $path -Name 'VirtualMachineName')
     foreach ($one in @($id, $name)) { if (Test-Same -Left $one -Right $script:Plan.Guest) { return } }
-    Exit-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that' -f $name, $id, $script:Plan.Guest)
+    Exit-Run -Detail ('this is the guest of {0} ({1}), not of {2}: run it in that guest' -f $name, $id, $script:Plan.Guest)
 }
 
 # === machines: find, read and mark virtual machines, never by their names.
@@ -931,9 +931,9 @@ function Get-PartitionReading {
             # A finished step is not changed.
             $tie = if (-not $Name -and $script:Current.Contains('Set')) { Get-Tie -Vm $vm -Clustered $Clustered }
             if (-not $tie) { continue }
-            Exit-Run -Detail ('machine {0} ({1}) is {2}, and not changed here: leave it out' -f $vm.Name, $vm.Id, $tie)
+            Exit-Run -Detail ('{0} ({1}) is {2} and is not changed: exclude it from the plan' -f $vm.Name, $vm.Id, $tie)
         }
-        $many = '{0} machines answer to it: take the mark of rarms out of the notes of all but one'
+        $many = '{0} machines have this mark of rarms: remove it from the notes of all but one'
         if ($found.Count -gt 1) { Exit-Run -Detail ($many -f $found.Count) }
         $live['exists'] = $found.Count -eq 1
         foreach ($vm in $found) { Add-MachineReading -Live $live -Vm $vm }
@@ -1014,11 +1014,11 @@ function Get-Mark {
 }
 
 function Get-Tie {
-    # Who else manages a machine, so that it is not changed here. A plan may accept a cluster. Read once per run.
+    # The other manager of a machine, which is then not changed here. A plan may accept a cluster. Read once per run.
     param($Vm, [bool] $Clustered = $false)
-    if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
+    if (Test-Replica -Vm $Vm) { return 'a replica of a machine on another host' }
     $known = $Vm.PSObject.Properties['IsClustered']
-    if (-not $Clustered -and $null -ne $known -and $known.Value) { return 'of a failover cluster' }
+    if (-not $Clustered -and $null -ne $known -and $known.Value) { return 'part of a failover cluster' }
     $id = [string] $Vm.Id
     if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
     if ($script:Shielded[$id]) { 'shielded' }
@@ -1190,17 +1190,17 @@ function Test-Capacity {
     $free = '{0} and {1} MiB' -f (ConvertTo-Processor -Percent $percent), [long] ($bytes / 1048576)
     $asked = '{0} and {1} MiB' -f (ConvertTo-Processor -Percent $needed), [long] ($Memory / 1048576)
     $script:Shortage = 'needs {0}, free {1}' -f $asked, $free
-    if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
-    $script:Shortage += '; make room and run this again, or make a new plan'
+    if ($promised.Count) { $script:Shortage += ', reserved: ' + ($promised -join ', ') }
+    $script:Shortage += '; free capacity and run the script again, or make a new plan'
     $nodes = @(foreach ($one in $script:Nodes) {
         if (@($one.ProcessorsAvailability).Count -ge $Processors -and $one.MemoryTotal -ge $Memory / 1048576) { $one }
     })
     if ($script:Nodes.Count -and -not $nodes.Count) {
-        $script:Shortage = 'it is larger than each NUMA node, and this host lets none lie on two: allow NUMA spanning'
+        $script:Shortage = 'the machine is larger than each NUMA node of this host: allow NUMA spanning'
         return $false
     }
     if ($needed -gt $percent -or $Memory -gt $bytes) { return $false }
-    $script:Shortage = 'each of its processors has to fit onto one core with the others: ' + $script:Shortage
+    $script:Shortage = 'each of its processors must fit on one core with the others: ' + $script:Shortage
     # Machines as wide as the host use every core. Place the others largest first, each at the first free place.
     $wide = 0
     $sizes = @()
@@ -1268,7 +1268,7 @@ function Stop-Partition {
             }
             $jobs = @(foreach ($job in $jobs) {
                 if ([string] $job.State -cne 'Failed') { $job } else {
-                    $message = 'its guest could not be {0}, and is waited for: ' -f $asked
+                    $message = 'its guest could not be {0}; waiting for it: ' -f $asked
                     try { [void] (Receive-Job -Job $job) } catch { $script:Messages += $message + $_.Exception.Message }
                     Remove-Job -Job $job -Force
                 }
@@ -1311,7 +1311,7 @@ function Test-DiskUse {
         $at = [string] $drive.Path
         while ($at) {
             if (Test-SamePath -Left $at -Right $Path) { return $true }
-            if ($at -cmatch '[*?[\]`]') { throw ('{0}: Get-VHD reads this name as a pattern, rename the file' -f $at) }
+            if ($at -cmatch '[*?[\]`]') { throw ('{0}: Get-VHD reads this name as a pattern; rename the file' -f $at) }
             $there = Microsoft.PowerShell.Management\Test-Path -LiteralPath $at
             $at = if ($there) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
         }
@@ -1392,7 +1392,7 @@ function Remove-TaskValue {
 function Remove-TaskClass {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
-    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
+    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is not a task class and cannot be removed' }
     Remove-Key -Path $path
 }
 
@@ -1518,7 +1518,7 @@ function Use-SharedFile {
             if (-not $Writing -and $attempt -ge 5 -and -not ([System.IO.File]::Exists($Path))) { return }
             # The codes for a full disk on Windows and Linux.
             if (@(39, 112, 28) -ccontains ($_.Exception.HResult -band 65535)) { throw ('{0}: the disk is full' -f $Path) }
-            $text = '{0} cannot be used, close the program that has it open: {1}'
+            $text = '{0} cannot be used; close the program that has it open: {1}'
             if ($attempt -ge 100) { throw ($text -f $Path, $_.Exception.Message) }
         }
         Start-Sleep -Milliseconds 50
@@ -1557,10 +1557,10 @@ function Receive-RarmsPlan {
         $reader = [System.IO.BinaryReader]::new($Source)
         $size = [int] $ascii.GetString($reader.ReadBytes(8))
         $data = $reader.ReadBytes($size)
-        if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early, run rarms apply again' }
+        if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early; run rarms apply again' }
         $table = @($ascii.GetString($data) -split '\n')
         $known = $table[0] -cmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$'
-        if (-not $known) { throw 'bad arguments: start this by rarms apply alone' }
+        if (-not $known) { throw 'invalid arguments: start the receiver only with rarms apply' }
         if ($env:OS -cne 'Windows_NT') { $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName } else {
             $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
             [void] [System.IO.Directory]::CreateDirectory($folder)
@@ -1574,9 +1574,9 @@ function Receive-RarmsPlan {
         for ($at = 1; $at -lt $table.Count; $at++) {
             $part = @($table[$at] -split ' ')
             $known = $part[0] -cmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$'
-            if (-not $known) { throw 'bad name of a file: start this by rarms apply alone' }
+            if (-not $known) { throw 'invalid file name: start the receiver only with rarms apply' }
             $data = $reader.ReadBytes([int] $part[1])
-            if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' is not what was sent, run rarms apply again') }
+            if ((Get-Sha256 -Data $data) -cne $part[2]) { throw ($part[0] + ' was damaged: run rarms apply again') }
             $path = [System.IO.Path]::Combine($folder, $part[0])
             [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
             [System.IO.File]::WriteAllBytes($path, $data)

@@ -47,7 +47,7 @@ function Find-WorkMachine {
         if ($mark.Name -cne $Partition -or $mark.Application -cne $script:Plan.Application) { continue }
         if ((ConvertTo-RunState -State $vm.State) -ceq 'running') { return $vm }
     }
-    Exit-Run -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
+    Exit-Run -Detail ('partition {0} of {1} is not running' -f $Partition, $script:Plan.Application)
 }
 
 function Get-GuestSecret {

@@ -23,7 +23,7 @@
     Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63.
 #>
 
 #Requires -Version 5.1
@@ -66,8 +66,8 @@ $plan = {
 #region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
-    'Rarms.psd1' = '5C2CBC1BA045328F1A5E2263A47249E83E7774F741D7FD48A69157981965587D'
-    'Rarms.psm1' = 'C54A9FC9FC2D8F3911EDEDA78559D1AAFB7D08374EFDE3106B0E58BD58998E60'
+    'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
+    'Rarms.psm1' = '905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
