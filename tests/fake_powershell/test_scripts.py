@@ -735,8 +735,12 @@ def test_missing_room_stops_the_start() -> None:
     ran = apply(host, prepared.plan)
 
     assert ran.code == 1, ran.says
-    assert re.search(r"cannot honour this reservation: needs \d(\.\d+)? LP and \d+ MiB, free \d(\.\d+)? LP and", ran.says)
-    assert re.search(r"reserved: .*greedy 2\.4 LP.*; free capacity and run the script again, or make a new plan", ran.says)
+    assert re.search(
+        r"cannot honour this reservation: needs \d(\.\d+)? LP and \d+ MiB, free \d(\.\d+)? LP and", ran.says
+    )
+    assert re.search(
+        r"reserved: .*greedy 2\.4 LP.*; free capacity and run the script again, or make a new plan", ran.says
+    )
     host = host.copy()
     del host.vms[greedy.id]
     finished = again(host, prepared)

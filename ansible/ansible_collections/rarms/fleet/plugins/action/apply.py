@@ -51,13 +51,13 @@ class ActionModule(RobotAction):
         state = arguments["state"]
         file = arguments["plan"] and self._below(arguments["plan"])
         if state == "absent" and file:
-            raise RequestError("`state: absent` makes its own plan: it takes no `plan`.")
+            raise RequestError("`state: absent` makes its own plan. Remove `plan` from the task.")
         waits = _waits(arguments["lock_timeout"])
         is_preview = state == "planned" or self._task.check_mode
         reviewed = _reviewed(robot, file) if state == "applied" and file else None
         if self._task.check_mode and state != "planned" and arguments["unfinished"] != "fail":
             if list(unfinished_runs(robot.hosts)):
-                return {"changed": True, "msg": f"An unfinished run is ended first (`{arguments['unfinished']}`)."}
+                return {"changed": True, "msg": f"rarms ends an unfinished run first (`{arguments['unfinished']}`)."}
         elif is_preview or arguments["unfinished"] == "fail":
             refuse_unfinished(robot.hosts)
         elif (ended_before := _end_unfinished(robot, arguments["unfinished"], waits)) is not None:

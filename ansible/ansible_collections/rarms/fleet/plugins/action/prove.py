@@ -28,7 +28,7 @@ class ActionModule(RobotAction):
 
     def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
         if not arguments["load_host"]:
-            raise RequestError("A proof uses all idle time of the robot while it lasts: say `load_host: true`.")
+            raise RequestError("A proof uses all idle time of the robot. To allow this, set `load_host: true`.")
         self._display.display(f"{robot.name}: the proof uses all idle time of {robot.host} until it ends.")
         outcome = prove_layout(robot.hosts)
         answer = json_value(outcome)

@@ -11,7 +11,7 @@ class ModuleDocFragment:
 options:
   manifest:
     description:
-      - The manifest, or the folder of one, on the controller.
+      - The manifest, or the folder of a manifest, on the controller.
       - The inventory plugin P(rarms.fleet.manifests#inventory) sets it as C(rarms_manifest).
     type: path
   overlays:
@@ -24,8 +24,8 @@ options:
   unreachable:
     description:
       - The result for a robot that cannot be reached.
-      - V(failed) counts for C(max_fail_percentage) and C(any_errors_fatal). In ansible-core an unreachable host in a
-        batch switches both off (ansible/ansible#56265).
+      - V(failed) counts for C(max_fail_percentage) and C(any_errors_fatal). In ansible-core, an unreachable host in a
+        batch switches off both settings, see ansible/ansible#56265.
     type: str
     choices: [failed, unreachable]
     default: failed

@@ -10,10 +10,10 @@ short_description: Robots of a rarms manifest and its overlays
 version_added: 0.1.0
 description:
   - Creates one inventory host for each overlay of a manifest, named after the overlay's file. Without overlays, creates
-    one for each host of the manifest.
+    an inventory host for each host of the manifest.
   - Reads files named C(*fleet.yml) or C(*fleet.yaml).
   - A robot with an invalid overlay gets a warning and is in the group C(rarms_invalid). Only its own rarms tasks fail.
-    The same applies to a robot with the name of a group or of another robot; it is then named after its overlay's path.
+    The same applies to a robot with the name of a group or of another robot. Its name is then the path of its overlay.
 extends_documentation_fragment: constructed
 requirements: [rarms-iac]
 options:
@@ -22,7 +22,7 @@ options:
     required: true
     choices: [rarms.fleet.manifests]
   manifest:
-    description: The manifest, or the folder of one, relative to this file.
+    description: The manifest, or the folder of a manifest, relative to this file.
     type: str
     default: rarms.yaml
   overlays:

@@ -6,7 +6,7 @@ from __future__ import annotations
 DOCUMENTATION = """
 module: apply
 author: The rarms authors (@rarms)
-short_description: Plan a robot, apply the plan, or remove what rarms made there
+short_description: Plan a robot, apply the plan, or remove everything that rarms created there
 version_added: 0.1.0
 description:
   - Creates and changes the robot's partitions and CPU reservations as its rarms manifest requires. The reservations fit
@@ -17,29 +17,29 @@ extends_documentation_fragment: rarms.fleet.robot
 options:
   state:
     description:
-      - V(planned) writes the changes to O(plan); C(--check --diff) with V(applied) shows it.
+      - V(planned) writes the changes to O(plan). C(--check --diff) with V(applied) shows the changes.
       - V(applied) applies the manifest, or exactly the plan in O(plan).
-      - V(absent) removes everything with the application's mark; disks of Hyper-V machines are kept.
+      - V(absent) removes everything with the application's mark, and keeps the disks of Hyper-V machines.
     type: str
     choices: [planned, applied, absent]
     default: applied
   plan:
     description:
-      - A plan file on the controller; one for each robot, so its name should hold C(inventory_hostname).
-      - V(planned) writes it and creates its folder. If no plan can be made, an earlier file is removed.
-      - V(applied) applies it. A plan is refused if it was edited or used, or if the robot has changed since.
+      - A plan file on the controller. Each robot needs its own, so include C(inventory_hostname) in its name.
+      - V(planned) writes the file and creates its folder. If no plan is possible, an earlier file is removed.
+      - V(applied) applies the plan, unless it was edited or used, or the robot has changed since.
     type: path
   max_disruption:
     description: Hold back changes that disrupt more than this. Default is the manifest's policy.
     type: str
     choices: [live, partition_stop, host_restart, removal]
   unfinished:
-    description: What to do with an earlier, unfinished run on the robot.
+    description: The action for an earlier, unfinished run on the robot.
     type: str
     choices: [finish, undo, abandon, fail]
     default: finish
   lock_timeout:
-    description: How long to wait for a robot that another run has locked, such as V(60s).
+    description: The longest wait for a robot that another run has locked, such as V(60s).
     type: str
     default: 0s
 attributes:
@@ -66,7 +66,7 @@ EXAMPLES = """
 
 RETURN = """
 has_changes:
-  description: Whether the plan has changes, held-back ones too.
+  description: Whether the plan has changes, including held-back changes.
   type: bool
   returned: when a plan was made or read
 plan:
@@ -74,7 +74,7 @@ plan:
   type: dict
   returned: when a plan was made or read
 run:
-  description: How the run ended, as C(rarms apply --json) writes it.
+  description: The result of the run, as C(rarms apply --json) writes it.
   type: dict
   returned: when something was applied
 robot:
@@ -82,7 +82,7 @@ robot:
   type: str
   returned: always
 findings:
-  description: Why it failed, as findings of rarms.
+  description: The reasons of the failure, as findings of rarms.
   type: list
   elements: dict
   returned: on failure

@@ -21,7 +21,7 @@ EXAMPLES = """
 - name: Read the robot
   rarms.fleet.facts:
 
-- name: Save a snapshot to plan pull requests with
+- name: Save a snapshot for plans of pull requests
   ansible.builtin.copy:
     content: "{{ ansible_facts.rarms.snapshot }}"
     dest: "snapshots/{{ inventory_hostname }}.json"

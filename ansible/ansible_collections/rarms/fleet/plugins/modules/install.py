@@ -11,21 +11,21 @@ version_added: 0.1.0
 description:
   - Sends the wheels for the robot's own Python and processor over Ansible's connection. The robot needs Python 3.11 or
     newer, root by C(become) or by the connection, and no internet.
-  - A run that another version left unfinished is finished by that version first.
-  - A robot that is not a Linux host is skipped.
+  - If another version left a run unfinished, that version finishes the run first.
+  - Skips a robot that is not a Linux host.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   state:
     description:
-      - V(present) installs the version of the controller, and leaves the version before there.
-      - V(absent) removes all versions. It is refused while partitions of rarms are on the robot.
+      - V(present) installs the version of the controller, and keeps the previous version.
+      - V(absent) removes all versions. It fails if the robot still has partitions of rarms.
     type: str
     choices: [present, absent]
     default: present
   wheels:
     description:
-      - A folder of wheels on the controller. Pip downloads into it the wheels that it lacks.
-      - Without it all wheels are downloaded for each robot.
+      - A folder of wheels on the controller. Pip downloads missing wheels into this folder.
+      - Without this folder, pip downloads all wheels for each robot.
     type: path
 attributes:
   check_mode:
@@ -38,7 +38,7 @@ EXAMPLES = """
     wheels: wheels
   become: true
 
-- name: Remove it
+- name: Remove rarms from the robot
   rarms.fleet.install:
     state: absent
   become: true

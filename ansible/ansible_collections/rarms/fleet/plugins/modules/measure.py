@@ -6,25 +6,25 @@ from __future__ import annotations
 DOCUMENTATION = """
 module: measure
 author: The rarms authors (@rarms)
-short_description: Measure on one robot the CPU reservations that components need
+short_description: Measure the CPU reservations of components on one robot
 version_added: 0.1.0
 description:
-  - Finds the least reservation with which each component meets its thresholds, for all robots of one platform.
-  - Run it on one idle robot of each platform, as the role P(rarms.fleet.measure#role) does.
+  - Finds the smallest reservation at which each component meets its thresholds, for all robots of one platform.
+  - Run this module on one idle robot of each platform, as the role P(rarms.fleet.measure#role) does.
   - A simulated robot is measured on the controller. A Linux robot measures itself. It needs C(rarms) of the
     controller's version, and the components' files in the folder that the manifest names, C(connect) with C(folder).
   - The data logs are next to the manifest on the controller, for git. They grow with each measured setting.
 extends_documentation_fragment: rarms.fleet.robot
 options:
   components:
-    description: The components to measure; empty means all that have a threshold.
+    description: The components to measure. An empty list means all components with a threshold.
     type: list
     elements: str
     default: []
   stop_partitions:
     description:
-      - Stop the partitions that run on the robot while it measures; they start again afterwards.
-      - Without it, a robot on which partitions run is not measured.
+      - Stop the running partitions of the robot for the measurement, then start them again.
+      - Without this option, rarms does not measure on a robot with running partitions.
     type: bool
     default: false
 """

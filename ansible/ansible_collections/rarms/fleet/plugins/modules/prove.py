@@ -10,20 +10,20 @@ short_description: Prove that all components of a robot meet their thresholds to
 version_added: 0.1.0
 description:
   - Runs all components in the applied layout, under the loads of the manifest's policy, and fails if a
-    threshold is missed or is not shown to be met.
-  - Uses all idle time of the robot while it lasts.
+    threshold is missed or inconclusive.
+  - The proof uses all idle time of the robot.
   - A Linux robot proves itself. It needs C(rarms) of the controller's version, and the components' files in the folder
     that the manifest names, C(connect) with C(folder).
 extends_documentation_fragment: rarms.fleet.robot
 options:
   load_host:
-    description: Must be true, since the proof uses all idle time of the robot.
+    description: Set this to true, because the proof uses all idle time of the robot.
     type: bool
     default: false
 """
 
 EXAMPLES = """
-- name: Prove the first robot of a roll-out before the others follow
+- name: Prove the first robot of a roll-out before the other robots
   rarms.fleet.prove:
     load_host: true
 """

@@ -115,7 +115,7 @@ class ConnectionChannel:
         except MemoryError:
             raise self._too_much() from None
         except AnsibleConnectionFailure as failure:
-            advice = "Try `ansible -m ansible.builtin.raw -a true` on it."
+            advice = "Test the connection: `ansible ROBOT -m ansible.builtin.raw -a true`."
             if self._was_reached:
                 raise HostFailed(self._host, f"the connection to {self.target} broke: {failure}", advice) from failure
             raise HostUnreachable(self._host, f"{self.target} cannot be reached: {failure}", advice) from failure
@@ -126,7 +126,7 @@ class ConnectionChannel:
 
     def _too_much(self) -> HostFailed:
         message = f"{self.target} answered with more than {STATE_LIMIT:,} characters"
-        return HostFailed(self._host, message, "Look at the output of its login and of its programs.")
+        return HostFailed(self._host, message, "Check the output of its login scripts and programs.")
 
 
 @contextmanager
@@ -213,9 +213,7 @@ class RobotAction(ActionBase):
             raise RequestError(f"The robot cannot be read: {invalid}")
         manifest = arguments["manifest"] or variables.get("rarms_manifest")
         if not manifest:
-            raise RequestError(
-                "No manifest is named: use the inventory plugin rarms.fleet.manifests, or give `manifest`."
-            )
+            raise RequestError("No manifest is set. Use the inventory plugin rarms.fleet.manifests, or set `manifest`.")
         overlays = arguments["overlays"] or variables.get("rarms_overlays") or ()
         hosts = load(self._below(manifest), overlays=[self._below(overlay) for overlay in overlays])
         host = arguments["host"] or variables.get("rarms_host") or _only_host(hosts)
@@ -237,8 +235,8 @@ class RobotAction(ActionBase):
         """
         if self._connection.transport == "winrm":
             raise RequestError(
-                "Ansible's `winrm` keeps a command's standard input for itself: set `ansible_connection: psrp`, which "
-                "asks the same service of the robot."
+                "Ansible's `winrm` does not pass standard input to a command. Set `ansible_connection: psrp`, which "
+                "uses the same service of the robot."
             )
         ansible = ConnectionChannel(self, robot.host)
         if self._connection.transport == "psrp":
@@ -306,7 +304,7 @@ def json_value(answer: Any) -> Result:
 def _only_host(hosts: Hosts) -> str:
     names = sorted(hosts.system.hosts)
     if len(names) != 1:
-        raise RequestError(f"The manifest has the hosts {', '.join(names)}: say with `host` which one this robot is.")
+        raise RequestError(f"The manifest has the hosts {', '.join(names)}. Set `host` to the host of this robot.")
     return names[0]
 
 
