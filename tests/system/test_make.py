@@ -58,7 +58,7 @@ def test_python_without_venv_is_named(checkout: Path, programs: Path, target: st
     done = make(checkout, programs, target)
 
     assert done.returncode != 0
-    assert "comes without its venv module" in done.stderr
+    assert "does not have its venv module" in done.stderr
     assert "apt install python3-venv" in done.stderr
     assert not (checkout / ".venv").exists()
 
