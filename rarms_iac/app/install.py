@@ -379,7 +379,9 @@ class _RobotSetup:
 
     def _garbled(self, problem: NotDecodable) -> HostFailed:
         message = f"the answer of {self._channel.target} cannot be read: {problem}"
-        return HostFailed(self.name, message, "Check what the host prints at the start of each command of this user.")
+        return HostFailed(
+            self.name, message, "Check the login scripts of this user on the host: they must not print text."
+        )
 
 
 def _archive(request: Mapping[str, Any], wheels: Sequence[Wheel]) -> bytes:

@@ -180,7 +180,7 @@ def make_again(inputs: PlanInputs) -> Plan:
         wrong = next(finding for finding in result.findings if finding.severity is Severity.ERROR)
         raise NotMadeAgain(f"no plan can be made of it ({wrong.code})")
     if name := next(filter(None, map(wrong_name, result.plan.hosts)), None):
-        raise NotMadeAgain(f"no manifest can give the name {quoted(name)}")
+        raise NotMadeAgain(f"{quoted(name)} is not a valid name in a manifest")
     return replace(result.plan, inputs=inputs)
 
 

@@ -35,7 +35,7 @@ CONTROL_PERSIST = "60s"
 """How long a shared connection outlives the last one that used it."""
 SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
 CONNECT_SECONDS = 60.0
-LOOK_AT_OUTPUT = "Check what the host prints at the start of each command of this user."
+LOOK_AT_OUTPUT = "Check the login scripts of this user on the host: they must not print text."
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
 ERROR_SECONDS = 1.0  # for what it said last to be read; a program that it started may keep the pipe open for ever
@@ -271,7 +271,7 @@ def look_for_stop(should_stop: Callable[[], bool], stop: Callable[[], None]) -> 
 def not_reached(host: str, target: str, error: str, way: str = "ssh") -> HostUnreachable:
     """Return the error of a host (its name in the manifest) to which a way, ssh or WinRM, does not lead."""
     by_hand = f"ssh -o BatchMode=yes {target}" if way == "ssh" else f"Test-WSMan -UseSSL -ComputerName {target}"
-    advice = f"Try it by hand: `{by_hand}`."
+    advice = f"Test the connection: `{by_hand}`."
     return HostUnreachable(host, f"{way} does not reach {target}: {error}", advice)
 
 
@@ -428,7 +428,7 @@ class LiveChannel(ABC):
             return CommandResult(code=code, output="\n".join([*lines, ""]), error="\n".join(program.error_lines))
 
     def _broken(self, message: str) -> HostFailed:
-        advice = "Run the same command again once the host is up."
+        advice = "Run the same command again when the host is up."
         return HostFailed(self.host, f"the connection to {self.target} broke: {message}", advice)
 
 

@@ -48,7 +48,7 @@ class HostLocked(HostError):
     """Another run holds the host."""
 
     def __init__(self, host: str, owner: str) -> None:
-        super().__init__(host, f"it is locked by {owner}", "Wait for it, or give --lock-timeout.")
+        super().__init__(host, f"it is locked by {owner}", "Wait for the end of that run, or set --lock-timeout.")
         self.owner = owner
 
 

@@ -208,7 +208,7 @@ def _check(run: Journal) -> None:
     started = run.started
     parts = (started.host_plan, dataclasses.replace(started.host_plan, steps=started.steps))
     if name := next(filter(None, map(wrong_name, parts)), None):
-        raise NotDecodable("record 1", f"no manifest can give the name {quoted(name)}")
+        raise NotDecodable("record 1", f"{quoted(name)} is not a valid name in a manifest")
     for record in run.steps:
         if not 0 <= record.number < len(started.steps):
             raise NotDecodable("", f"the run has no step {record.number}")

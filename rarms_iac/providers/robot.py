@@ -234,7 +234,7 @@ class RobotByChannel:
         request = Request(version=__version__, command=command, by=owner(), host=described, listens=listens, job=job)
         data = line_of(request)
         if len(data) > LINE_LIMIT:
-            message = f"the request to it has {len(data):,} bytes, and at most {LINE_LIMIT:,} are sent"
+            message = f"the request to the robot has {len(data):,} bytes; the limit is {LINE_LIMIT:,}"
             raise HostFailed(self.name, message, "Choose fewer components, or move unused data logs away.")
         with self._conversation(data) as conversation:
             return self._follow(conversation, listener)
@@ -270,10 +270,10 @@ class RobotByChannel:
                         if reply is not None:
                             conversation.send(f"{YES if reply else NO}\n".encode("ascii"))
         except SilenceTimeout:
-            raise self._broken(f"no line came for {SILENCE_S / 3600:.0f} h") from None
+            raise self._broken(f"no output for {SILENCE_S / 3600:.0f} h") from None
         code = conversation.code()
         why = last_of(conversation.error_lines, code)
-        raise self._broken(why if code == SSH_FAILED else f"the rarms there ended without a result: {why}")
+        raise self._broken(why if code == SSH_FAILED else f"rarms on the robot ended without a result: {why}")
 
     def _await_ready(self, conversation: Conversation, look: Callable[[], None]) -> None:
         """Pass over what a login prints, until the robot's rarms speaks."""

@@ -125,7 +125,7 @@ def test_a_task_class_is_not_measured_but_proven(
 
     assert main(["measure"]) == 4
     refusal = " ".join(capsys.readouterr().err.split())
-    assert "only after a restart, which rarms does not do. Write its `cpu: { reserve: ... }` yourself" in refusal
+    assert "only after a restart; rarms does not restart it. Set its `cpu: { reserve: ... }`" in refusal
     assert leftovers(host) == []
 
     Path("rarms.yaml").write_text(f"{with_class}    cpu: {{ reserve: 10 % }}\n", encoding="utf-8")

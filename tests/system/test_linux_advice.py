@@ -66,7 +66,7 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
     advised = run(folder, "doctor")
     assert "`rarms apply` starts them" in advised
     if at_boot:
-        assert "`rarms start --boot` does that at each start" in advised
+        assert "`rarms start --boot` starts them at each boot" in advised
         assert f"Started below {slice_of(folder)}: eyes." in run(folder, "start", "--boot")
         assert run(folder, "plan") != ""
     else:
@@ -85,7 +85,7 @@ def test_processors_taken_from_deadline_are_given_back(
     groups.write("eyes", replace(groups.read("eyes"), processors=(0,)))
 
     # `rarms prove` refuses before with RARMS119; only a change after that look meets the advice itself.
-    assert "eyes holds 1 of" in run(folder, "run", "eyes")
+    assert "eyes has 1 of" in run(folder, "run", "eyes")
     assert "eyes" in run(folder, "plan")
     run(folder, "apply", "--auto-approve")
 

@@ -180,7 +180,7 @@ def test_garbled_scripts_are_not_run(remote: Remote) -> None:
     refused = remote.rarms("plan")
 
     assert refused.code == 1
-    assert "did not arrive as sent" in " ".join(refused.err.split())
+    assert "received damaged scripts" in " ".join(refused.err.split())
     assert remote.host.file(JOURNAL) is None
 
 

@@ -61,7 +61,7 @@ def _group_of_service(component: str, service: str, tree: GroupTree, effects: Li
     found = effects.output("systemctl", "list-units", "--plain", "--no-legend", "--state=active", unit, instances)
     units = [line.split()[0] for line in found.splitlines() if line.strip()]
     if len(units) > 1:
-        advice = f"Write the whole name, such as `service: {units[0]}`."
+        advice = f"Write the full name, such as `service:  {units[0]}`."
         raise CannotStart(component, f"several services have the name {service}: {', '.join(units)}", advice)
     if units and units != [unit]:
         advice = f"Write `service: {units[0].removesuffix('.service')}`."
@@ -94,11 +94,13 @@ def _group_of_unit(component: str, title: str, group: Path) -> Path:
     for part in (*reversed(group.parents), group):
         if part.name.startswith(_MANAGER_OF_USER):
             message = f"{title} belongs to a user's own systemd ({part.name}), which contains all services of that user"
-            raise CannotStart(component, message, "Let root start it.")
+            raise CannotStart(component, message, "Start the container as root.")
         if part.suffix in _UNITS:
             return part
     message = f"{title} runs in {group}, which is not a unit of systemd"
-    raise CannotStart(component, message, "Let its engine use systemd for control groups (`--cgroup-manager=systemd`).")
+    raise CannotStart(
+        component, message, "Set its engine to use systemd for control groups: `--cgroup-manager=systemd`."
+    )
 
 
 def _refuse(target: AttachTarget, processes: Sequence[int]) -> None:
@@ -116,9 +118,11 @@ def _refuse(target: AttachTarget, processes: Sequence[int]) -> None:
             with suppress(ProcessLookupError):
                 policy = os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK
                 if policy in _POLICIES:
-                    message = f"thread {thread} ({_name(process)}) of {target.title} has {_POLICIES[policy]}, and a "
-                    message += "quota does not hold such a thread"
-                    raise CannotStart(target.component, message, "Let rarms start it, with `task`.")
+                    message = f"thread {thread} ({_name(process)}) of {target.title} has {_POLICIES[policy]}, and "
+                    message += "a quota does not limit such a thread"
+                    raise CannotStart(
+                        target.component, message, "Let rarms start the component: set `command` and `task`."
+                    )
 
 
 def _ancestors(process: int) -> Iterator[int]:

@@ -89,7 +89,7 @@ class AttachedState:
         processes = tree.members_below(target.group)
         homes = _homes(tree, group, processes)
         if not all(homes.values()):
-            raise ProcessLookupError(errno.ESRCH, f"{target.title} has no process any more")
+            raise ProcessLookupError(errno.ESRCH, f"{target.title} no longer has a process")
         self._save(replace(record, group=group, homes=homes))
         tree.write(group, replace(tree.read(group), quota_percent=percent, period_us=SLICE_PERIOD_US))
         for _ in range(ROUNDS):

@@ -329,8 +329,8 @@ def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Ite
         names = ", ".join(f"{process} ({name})" for process, name in processes)
         yield ORPHANS.at(
             None,
-            "Processes run in {partition} that rarms did not start and does not end: {_names}.",
-            "If a component left them behind, end them: they use the partition's processor time.",
+            "Processes run in {partition} that rarms did not start: {_names}.",
+            "They use the partition's processor time. If a component left them, end them with `kill`.",
             address=f"partition/{partition}",
             partition=partition,
             processes=tuple(str(process) for process, _ in processes),
@@ -341,7 +341,7 @@ def orphan_findings(partition: str, processes: Sequence[tuple[int, str]]) -> Ite
 def off_without_stop(host: Host, partitions: Sequence[str]) -> Iterator[Diagnostic]:
     """Find partitions that are off, and that no run stopped."""
     if partitions:
-        line = ' does that at each start of the machine (docs/linux.md, "After the machine starts").'
+        line = ' starts them at each boot: see docs/linux.md, "After the machine starts".'
         yield OFF_WITHOUT_STOP.of_host(
             host.name,
             "{_counted} of {host} ran until the machine stopped or the control group was removed: {partitions:all}.",
@@ -358,7 +358,7 @@ def nothing_withheld(host: Host, processors: int) -> Iterator[Diagnostic]:
             host.name,
             (
                 "{host} does not keep processor time for processes outside its partitions. When the partitions "
-                "use all of it, ssh, rarms and kernel threads get about 1 % of a processor each."
+                "use all processor time, ssh, rarms and kernel threads get about 1 % of a processor each."
             ),
-            "Write `keep_for_host: { processor: 5 % }`. Partitions never get this part.",
+            "Set `keep_for_host: { processor: 5 % }`. Partitions never get this share.",
         )

@@ -236,7 +236,7 @@ def open_folder(host: str, folder: Path) -> HostDamaged:
     """Make the error for a folder of rarms' own files that others than root may write to."""
     return HostDamaged(
         host,
-        f"users other than root may write to {folder.as_posix()}, so rarms does not trust its files",
+        f"users other than root may write to {folder.as_posix()}, so rarms does not use its files",
         f"Check the files there, then `chown -R root {folder.as_posix()}` and `chmod 700 {folder.as_posix()}`.",
     )
 

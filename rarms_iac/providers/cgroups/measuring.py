@@ -49,7 +49,7 @@ have their share within two points in each window that begins 50 ms or more afte
 OWN_PRIORITY = 1
 """The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the load would delay them."""
 
-MEASURE_AGAIN = "Measure again: results so far are saved."
+MEASURE_AGAIN = "Run the same command again. Results so far are saved."
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
 PARENT_VARIABLE = "RARMS_CGROUP_PARENT"
 """The environment variable from which a component takes the parent of its containers' control groups."""
@@ -205,7 +205,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 if partition and not inside.intersection(self.tree.members_below(target.group)):
                     message = f"{target.title} does not run in the partition {partition}"
                     parent = self.tree.parent_of_containers(groups[partition])
-                    advice = f"Start it there: `Slice={parent}` in its unit, or `--cgroup-parent {parent}`."
+                    advice = f"Start it there, with `Slice={parent}` in its unit or with `--cgroup-parent {parent}`."
                     raise HostRefused(self.name, message, advice)
 
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
@@ -222,7 +222,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             try:
                 yield
             except CannotStart as problem:
-                advice = prose("Try it alone: ", command("run", "COMPONENT"), ".")
+                advice = prose("Run the component alone: ", command("run", "COMPONENT"), ".")
                 raise HostRefused(self.name, f"{problem}", problem.advice or advice) from problem
             except RunningError as problem:
                 raise HostFailed(self.name, f"{problem}", MEASURE_AGAIN) from problem
@@ -247,12 +247,12 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if values.shares_percent <= LEAST_SHARES_PERCENT:
             return class_words(component, part.classes)
         if values.processors is not None:
-            message = f"{part.partition} holds {len(values.processors)} of {self._processors} processors, and the "
-            message += "kernel refuses SCHED_DEADLINE to a thread that may not run on all"
+            message = f"{part.partition} has {len(values.processors)} of {self._processors} processors. The "
+            message += "kernel refuses SCHED_DEADLINE to a thread that may not run on all processors"
             raise HostRefused(
                 self.name,
                 message,
-                prose("cpuset.cpus of its group was changed by hand: ", PLAN, " shows it, ", APPLY, " restores it."),
+                prose("Another tool changed cpuset.cpus of its group: ", PLAN, " shows it, ", APPLY, " restores it."),
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
@@ -277,7 +277,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if self.facts.deadline_percent == WHOLE:
             message = f"{component} gives real-time priorities to threads of another program, and "
             message += "the kernel never stops such threads (sched_rt_runtime_us)"
-            raise HostRefused(self.name, message, "Set it: `sysctl kernel.sched_rt_runtime_us=950000`.")
+            raise HostRefused(self.name, message, "Set a limit: `sysctl kernel.sched_rt_runtime_us=950000`.")
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
         """Return the place of a component's processes: the control group of its partition, its task class.
@@ -306,7 +306,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                     self.tree.allow_real_time(group, running.settings.reserve)
                 except OSError as problem:
                     message = f"{partition} does not get a real-time budget for its task classes: {reason_of(problem)}"
-                    advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
+                    advice = "Lower cpu.rt_runtime_us of other control groups."
                     raise HostRefused(self.name, message, advice) from problem
         return group
 
@@ -493,8 +493,8 @@ def _real_time_priority(host: str) -> Iterator[None]:
     except PermissionError as problem:
         raise HostRefused(
             host,
-            "rarms does not have the right to a real-time priority; without it the load delays its clock",
-            "Run as root; under control groups v1 from a group with a budget (cpu.rt_runtime_us), such as the root.",
+            "rarms may not set its real-time priority; without this priority, the load delays its clock",
+            "Run rarms as root. Under control groups v1, also use a group with cpu.rt_runtime_us.",
         ) from problem
     try:
         yield

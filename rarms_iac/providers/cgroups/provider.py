@@ -110,7 +110,7 @@ class LinuxHostProvider(JournaledHost):
                 raise HostRefused(
                     self.name,
                     f"missing for control groups: {'; '.join(found.names)}",
-                    "Run as root, with the controllers mounted so that groups can be made (docs/linux.md).",
+                    "Run rarms as root, and mount the controllers (docs/linux.md).",
                 )
             self._known_tree = found
         if not self._is_ours:

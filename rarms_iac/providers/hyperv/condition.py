@@ -98,8 +98,10 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
         unread |= dict(_unread_machines(observation))
     if not unread or (not guest and rights_of(observation) is Rights.MISSING):
         return None
-    message = "not everything could be read: " + "; ".join(f"{title}: {why}" for title, why in unread.items())
-    return HostFailed(host, message, "Check it as an administrator of that Windows, then run the same command again.")
+    message = "some values could not be read: " + "; ".join(f"{title}: {why}" for title, why in unread.items())
+    return HostFailed(
+        host, message, "Check the cause as an administrator of that Windows, then run the same command again."
+    )
 
 
 THOUSANDTHS = 1000

@@ -140,7 +140,7 @@ class ThisWindows:
         text = win32evtlog.EvtRender(events[0], win32evtlog.EvtRenderEventXml) if events else ""
         data = re.search(r"<Data[^>]*>(0[xX][0-9A-Fa-f]+|[0-9]+)</Data>", text)
         if data is None:
-            raise NotRead("NoMatchingEventsFound", "the event log does not have event 2 of the hypervisor any more")
+            raise NotRead("NoMatchingEventsFound", "the event log no longer has event 2 of the hypervisor")
         return int(data[1], 0)
 
     def journal(self) -> tuple[str, str]:

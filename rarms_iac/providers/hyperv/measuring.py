@@ -106,14 +106,14 @@ class HypervMeasuringHost(LiveHypervHost):
         if in_its_partition:
             return self._obstacle_in_guest(subject)
         if not self._settings.image:
-            return Obstacle(
-                "its test partitions have no disk", "Write the image of a Windows: `hyperv: { image: ... }`."
-            )
+            return Obstacle("its test partitions have no disk", "Set an image of Windows: `hyperv: { image: ... }`.")
         if isinstance(subject, Component) and subject.task_class is not None:
             return Obstacle(
-                f"its guest reads the class {subject.task_class} only after a restart, which rarms does not do",
+                f"its guest reads the class {subject.task_class} only after a restart; rarms does not restart it",
                 prose(
-                    "Write its `cpu: { reserve: ... }` yourself: ", command("prove"), " runs it in its own partition."
+                    "Set its `cpu: { reserve: ... }` in the manifest: ",
+                    command("prove"),
+                    " runs it in its own partition.",
                 ),
             )
         return self._obstacle_in_guest(subject)
@@ -234,7 +234,7 @@ class HypervMeasuringHost(LiveHypervHost):
         event = read_event(line)
         if event is not None and event.status is EventStatus.REFUSED:
             raise HostRefused(
-                self.name, event.reason, "Correct the cause, then measure again. Results so far are saved."
+                self.name, event.reason, "Correct the cause, then run the same command again. Results so far are saved."
             )
         if event is not None and event.kind is EventKind.FAILED:
             raise self._broken(event.reason)
@@ -242,7 +242,9 @@ class HypervMeasuringHost(LiveHypervHost):
 
     def _broken(self, message: str) -> HostFailed:
         return HostFailed(
-            self.name, message, "Measure again. Results so far are saved, and test partitions on the host are removed."
+            self.name,
+            message,
+            "Run the same command again. Results so far are saved, and rarms removes the test partitions on the host.",
         )
 
     @contextmanager
@@ -293,7 +295,9 @@ class HypervMeasuringHost(LiveHypervHost):
         works: list[GuestWork] = []
         for part in partitions:
             if not part.partition and (part.components or part.load):
-                raise HostRefused(self.name, "what runs on the host itself cannot be measured", "Give it a partition.")
+                raise HostRefused(
+                    self.name, "rarms cannot measure a component on the host itself", "Move it into a partition."
+                )
             credential = self._credentials.get(part.partition) or self._settings.credential or ""
             loads = () if part.load is None else (part.load,)
             is_test_partition = part.partition in {shape.name for shape in shapes}

@@ -349,7 +349,9 @@ def last_run(owner: str, text: str) -> ScriptRun | UnusableJournal:
         why = f"line {error.line}: {error.message}"
     except NotDecodable as error:
         why = str(error)
-    return UnusableJournal(problem=f"is damaged: {why}", advice="Check what the last run did, then remove the file.")
+    return UnusableJournal(
+        problem=f"is damaged: {why}", advice="Check the result of the last run, then remove the file."
+    )
 
 
 def serials_of(observation: HostObservation) -> Mapping[str, int]:

@@ -94,7 +94,11 @@ class LiveHypervHost:
     def journal(self) -> ScriptRun | None:
         observation = self.observation()
         if is_unread(observation.journal):
-            raise HostFailed(self.name, f"{JOURNAL} may not be read", "Connect as a member of its Administrators.")
+            raise HostFailed(
+                self.name,
+                f"this account may not read {JOURNAL}",
+                "Connect as a member of the host's Administrators group.",
+            )
         run = last_run_of(observation)
         if isinstance(run, UnusableJournal):
             raise HostDamaged(self.name, f"{JOURNAL} {run.problem}", run.advice)
@@ -177,7 +181,9 @@ class LiveHypervHost:
         match ended:
             case ScriptLost(why=why):
                 raise HostFailed(
-                    self.name, f"it could not be observed: {why}", "Check whether it is busy, then try again."
+                    self.name,
+                    f"the state of the host could not be read: {why}",
+                    "Check whether the host is busy, then run the same command again.",
                 )
             case ScriptExited(code=0):
                 return document.text

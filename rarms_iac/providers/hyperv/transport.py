@@ -265,10 +265,10 @@ class LocalChannel(LiveChannel):
             self.host,
             f"{' or '.join(PROGRAMS.values())} is not on this computer, which is the host in the manifest",
             prose(
-                "Write the connection to the host (`connect: {ssh: user@host}`). Measuring needs the host. A plan does "
-                "not: run the script that ",
+                "Write the connection to the host into the manifest: `connect: {ssh: user@host}`. A plan also works "
+                "without a connection: write a script with ",
                 commands.command("snapshot", script=True),
-                " writes there, then ",
+                ", run it on the host, then ",
                 commands.command("plan", snapshot=f"{self.host}=FILE"),
                 ".",
             ),
@@ -323,7 +323,7 @@ def _await_bootstrap(conversation: Conversation, host: str, channel: CommandChan
     end = f"on {target} (exit code {conversation.code()}): {last_of(conversation.error_lines)}"
     if there.receiver is Receiver.INSTALLED:
         raise HostFailed(host, f"the module Rarms does not answer {end}", _INSTALLING)
-    advice = "Write the PowerShell of the host into the manifest: `connect.shell: pwsh` or `powershell`."
+    advice = "Set the PowerShell of the host in the manifest: `connect.shell: pwsh` or `powershell`."
     raise HostFailed(host, f"{there.program} does not start {end}", advice)
 
 
@@ -346,7 +346,7 @@ def follow(
         return ScriptLost(why=f"no output for {silence_s:.0f} s")
     ended = end_of(conversation)
     if refusal and isinstance(ended, ScriptExited) and ended.code == FAILED_CODE:
-        raise HostFailed(host, f"the scripts did not arrive as sent: {refusal}", "Run it again.")
+        raise HostFailed(host, f"the host received damaged scripts: {refusal}", "Run the same command again.")
     return ended
 
 

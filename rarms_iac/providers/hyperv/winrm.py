@@ -97,7 +97,9 @@ class ServiceChannel(LiveChannel):
                 process.begin_invoke()
             except (WinRMError, OSError) as error:
                 message = f"{program} cannot be started on {self.target}: {reason_of(error)}"
-                raise HostFailed(self.host, message, "Check the WinRM log of the host, then run it again.") from None
+                raise HostFailed(
+                    self.host, message, "Check the WinRM log of the host, then run the same command again."
+                ) from None
             yield opened.enter_context(RemoteProgram(process))
 
 
@@ -124,8 +126,8 @@ def _service(host: str, connect: WinRmConnect) -> Any:
 
     name = connect.password.name if connect.password else ""
     if name and name not in os.environ:
-        message = f"the variable {name}, which holds the password of {connect.user}, is not set here"
-        raise HostFailed(host, message, f"Set {name} where rarms runs.")
+        message = f"the variable {name}for the password of {connect.user} is not set here"
+        raise HostFailed(host, message, f"Set {name} in the environment of rarms.")
     return WSMan(
         connect.winrm,
         port=connect.port or PORT,

@@ -118,7 +118,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         if not isinstance(subject, Component) or subject.simulation is not None:
             return None
         return Obstacle(
-            "its demand on a simulated host is not given",
+            "its demand on a simulated host is not set",
             prose(
                 "Add `simulation: { work: 20 ms }`, or measure on a real host: ",
                 command("run", "COMPONENT"),

@@ -92,7 +92,7 @@ def _refuse_setting(
     for setting in sorted(operation.after.keys() - {*settings_of(settings.generation)}):
         raise Refusal(
             f"{settings.name} has generation {settings.generation}, which does not have {LABELS[setting]}",
-            "Make it again.",
+            "Create it again.",
         )
     if operation.facet is Facet.MEMORY:
         _refuse_memory(operation, machine, content, facts, guest_build)
@@ -148,7 +148,7 @@ def refuse_disk_removal(content: Content, operation: RemoveDisk) -> None:
     if not live["exists"]:
         raise Refusal(f"the disk {operation.path} does not exist", PLAN_AGAIN)
     if live["used"]:
-        raise Refusal(f"{operation.path} is in use", "Remove what has it first.")
+        raise Refusal(f"{operation.path} is in use", "First remove the machine that uses the disk.")
 
 
 def _refuse_running(machine: SimulatedMachine, setting: str) -> None:

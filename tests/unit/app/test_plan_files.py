@@ -217,4 +217,4 @@ def test_name_that_no_manifest_can_give_is_refused(fleet: Path, tmp_path: Path) 
     )
 
     assert "error[RARMS180]" in said
-    assert 'no manifest can give the name "../../old"' in said
+    assert '"../../old" is not a valid name in a manifest' in said

@@ -549,9 +549,9 @@ OTHER_TESTS = {
     "Run the script there by hand and check": "tests/unit/cli/test_plan.py",
     "Write the connection to the host": "tests/unit/cli/test_plan.py",
     "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
-    "yourself: `rarms prove` runs it in its own partition": "tests/fake_powershell/test_measuring.py",
+    "in the manifest: `rarms prove` runs it in its own partition": "tests/fake_powershell/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
-    "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
+    "Another tool changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
     "`rarms apply` starts them": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms plan` shows the cause": "tests/unit/measuring/test_stopping.py",
@@ -569,7 +569,7 @@ OTHER_TESTS = {
     "If the host is reached over ssh, run ": "tests/unit/cli/test_every_command.py",
     # On Linux, or at another moment, what a situation says:
     "Show the changes with `rarms plan`, and apply them": "nothing is applied",
-    "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
+    "Run the component alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Check the host again: `rarms plan`": "another tool changed a partition",
     "Measure the parts again (": "it was measured with what runs on the host",
     "More samples may show it. ": "nothing is measured",

@@ -52,7 +52,7 @@ def test_a_journal_reads_back() -> None:
 def test_journal_with_impossible_name_is_damaged(step: Step) -> None:
     forged = replace(RUN, steps=(step, *RUN.steps[1:]))
 
-    with pytest.raises(NotDecodable, match="no manifest can give the name"):
+    with pytest.raises(NotDecodable, match="is not a valid name in a manifest"):
         journal_in(journal_of(forged), Path("journal.jsonl"))
 
 

@@ -224,7 +224,7 @@ def test_a_host_without_that_powershell_is_named() -> None:
 
 
 def test_unsent_scripts_end_no_run() -> None:
-    with pytest.raises(HostFailed, match="did not arrive as sent: bad name"):
+    with pytest.raises(HostFailed, match="received damaged scripts: bad name"):
         run(Answering(FAILED_CODE, f"{READY}\n{FAILED} bad name\n"), Lines())
 
 
