@@ -178,7 +178,9 @@ def _status_without_command(context: click.Context) -> int | None:
     named = os.environ.get("RARMS_MANIFEST")
     manifest = Path(named or DEFAULT_MANIFEST)
     if not manifest.exists() and (named or find_manifest_above() is None):
-        raise WrongRequest(RequestError(f"There is no {manifest} here.", prose(INIT, " writes one.")), context)
+        raise WrongRequest(
+            RequestError(f"This folder has no {manifest}.", prose("Write a first manifest: ", INIT, ".")), context
+        )
     command = load_command("status")
     with command.make_context("status", [], parent=context) as status:
         code: int = command.invoke(status)

@@ -198,7 +198,7 @@ def ask_yes_or_no(session: Session, question: Question) -> bool:
     asked = Question(text=text, help_text=question.help_text)
     answer = read_answer(session, asked).lower()
     while answer not in {"", "y", "yes", "n", "no"}:
-        answer = read_answer(session, Question(text=f"Say y or n: {text}", help_text=question.help_text)).lower()
+        answer = read_answer(session, Question(text=f"Type y or n: {text}", help_text=question.help_text)).lower()
     return answer in {"y", "yes"}
 
 
@@ -213,6 +213,8 @@ def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> No
     """
     if loads and not load_host and not session.terminal.answers:
         raise RequestError(
-            "A proof uses all idle time of the hosts, and rarms cannot ask first: standard input is not a terminal.",
-            prose("Allow it with --load-host, or prove without a load: ", command("prove", without_load=True), "."),
+            "A proof loads the hosts fully. rarms cannot ask first, because standard input is not a terminal.",
+            prose(
+                "Allow full load with --load-host, or prove without a load: ", command("prove", without_load=True), "."
+            ),
         )

@@ -125,7 +125,7 @@ def _deletion(address: Address, before: Partition, context: StepContext, rules: 
         return _protected(address.partition, "it would be removed", place)
     if before.state in {RunState.BUSY, RunState.CRITICAL}:
         return not_at_rest(address, before.state, place)
-    why = "the manifest no longer names it" if is_unnamed else "it is not planned for this host"
+    why = "it is no longer in the manifest" if is_unnamed else "it is not planned for this host"
     loses_nothing = is_unnamed and before.id in context.restorable
     disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
     return Delete(address=address, before=before, reason=Reason(message=why, place=place), disruption=disruption)
@@ -141,7 +141,7 @@ def _update(
     if not can_change_now(before, after.settings, context):
         return not_at_rest(address, before.state, place)
     unused = name in rules.unused
-    why = "the manifest no longer names it" if unused else _describe_difference(before, after, context)
+    why = "it is no longer in the manifest" if unused else _describe_difference(before, after, context)
     return Update(
         address=address,
         before=before,

@@ -152,7 +152,7 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
 def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> Diagnostic:
     if before.record is not None:
         owner = f"the application {quoted(before.record.application)} wrote it"
-        advice = "Use another class in one of the two."
+        advice = "Use another class in one of the two applications."
     elif is_shipped_task(before.name):
         owner, advice = "it comes with Windows", f"To replace it, write `tasks.{before.name}.replace_shipped: true`."
     else:

@@ -59,7 +59,7 @@ def _hyperv(facts: GuideFacts) -> Iterator[str]:
     yield ""
     yield (
         "1. In an elevated PowerShell on the host, check that the hypervisor's scheduler is not `root` "
-        "(event 2 of Hyper-V-Hypervisor: launch type 4). With it, reserves have no effect."
+        "(event 2 of Hyper-V-Hypervisor: launch type 4). With `root`, reserves have no effect."
     )
     yield (
         f"2. Stop the machine: `Hyper-V\\Stop-VM -Name '{name}'`. Its processors can be changed only while it is off."
@@ -124,7 +124,7 @@ def _linux(facts: GuideFacts) -> Iterator[str]:
         limit = show_reserve(facts.settings.limit, facts.settings.processors)
         yield (
             f"4. Set the limit of {limit}: `echo '{quota} {period}' > {group}/cpu.max`. The period is a "
-            "tenth of the shortest threshold; a longer one makes response times jump in steps."
+            "tenth of the shortest threshold; a longer period makes response times jump in steps."
         )
     else:
         yield f"4. Keep `{group}/cpu.max` at `max`: a limit would make the measurements invalid."

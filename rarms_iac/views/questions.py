@@ -41,7 +41,7 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wor
         if selection.file and not level.measured_below and level.may_be_less:
             yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find a smaller reservation")
     if not selection.depends_on_a_log:
-        yield "the manifest fixes its reservation; with `cpu: { reserve: measured }` it follows the APT"
+        yield "the manifest fixes its reservation; to follow the APT, set `cpu: { reserve: measured }`"
     for host, totals in selection.totals.items():
         yield f"headroom of {host}: {show_processors(totals.free_lp)} of {show_processors(totals.host_lp)}"
     if selection.why_no_headroom:
@@ -58,11 +58,11 @@ class Question:
 
 WRITE_LEVEL = Question(
     text="Write this level into the manifest?",
-    help_text=("y writes it as the component's `apt` and keeps comments; n does not change the manifest; q ends."),
+    help_text=("y: write the level as the component's `apt`; comments stay. n: do not change the manifest. q: end."),
 )
 WRITE_PARTITIONS = Question(
     text="Write these partitions into the manifest?",
-    help_text="y writes them as `partitions` and keeps comments; n does not change the manifest; q ends.",
+    help_text="y: write `partitions`; comments stay. n: do not change the manifest. q: end.",
 )
 
 
@@ -72,7 +72,7 @@ def level_question(component: str) -> Question:
         text=f"\nA level for {component}, such as 100 ms or 95 %, or Enter to continue [?, q]: ",
         help_text=(
             "A level is a threshold with its unit: 100 ms, 95 %, 24 /s. If it fits several indexes, begin "
-            "with the index: p99_response_time 100 ms. rarms shows the result before it writes. Enter "
+            "with the index: p99_response_time 100 ms. rarms shows the result before it changes the manifest. Enter "
             "continues, q ends."
         ),
     )
@@ -84,7 +84,7 @@ def refine_question(written: Selection) -> Question:
     named = in_a_row([f"{below} and {reserve} % of its VPs" for below, reserve in gaps])
     return Question(
         text=f"Nothing between {named} was measured. Search there?",
-        help_text="y searches for the smallest reservation there; n uses the measured settings; q ends.",
+        help_text="y: search for the smallest reservation there. n: use the measured settings. q: end.",
     )
 
 
@@ -94,7 +94,7 @@ def extend_question(beyond: BeyondMeasured) -> Question:
     reserves += " of its VPs"
     return Question(
         text=f"{reserves} is not measured yet. Measure there?",
-        help_text="y measures there and evaluates the level again; n asks for another level; q ends.",
+        help_text="y: measure there and evaluate the level again. n: enter another level. q: end.",
     )
 
 
@@ -103,7 +103,7 @@ def stop_question(host: str, partitions: Sequence[str]) -> Question:
     running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
     return Question(
         text=f"On {host} {running}. Stop while measuring, and start again afterwards?",
-        help_text="y stops them like `rarms stop` and starts them afterwards; n does not measure; q ends.",
+        help_text="y: stop them like `rarms stop`, and start them afterwards. n: do not measure. q: end.",
     )
 
 
@@ -115,7 +115,7 @@ def attach_question(components: Sequence[str]) -> Question:
             f"{in_a_row(components)} already {runs}. Limit {pronoun} while measuring, and restore the settings "
             f"afterwards?"
         ),
-        help_text="y limits it to the reservation of each setting; n does not measure; q ends.",
+        help_text="y: apply the reservation of each setting. n: do not measure. q: end.",
     )
 
 
@@ -126,7 +126,7 @@ def combine_question(offer: CombiningOffer) -> Question:
     misfit = "" if offer.need > offer.have else ", but no placement on the hosts"
     return Question(
         text=f"Need {need}, have {have}{misfit}{then}. Combine components?",
-        help_text="y asks before it measures each combination, like `rarms tune --interactive`; q ends.",
+        help_text="y: ask before each combination is measured, like `rarms tune --interactive`. q: end.",
     )
 
 
@@ -135,7 +135,7 @@ def combination_question(members: Members, settings: int, gain: int) -> Question
     saves = show_lp_percent(gain)
     return Question(
         text=f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}.",
-        help_text="y measures them together and saves each result; n tries another; q ends.",
+        help_text="y: measure them together and save each result. n: try another combination. q: end.",
     )
 
 

@@ -183,7 +183,7 @@ class RunProgress(RunReporter):
 
     def host_output(self, host: str, line: str) -> None:
         """Show it apart from the partitions, without what would move the cursor."""
-        text = f"  {host} says: {visible(line[:LONGEST], keep='')}"
+        text = f"  {host} printed: {visible(line[:LONGEST], keep='')}"
         if self._live is not None:
             self._live.console.print(text, markup=False)
         else:

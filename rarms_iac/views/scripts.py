@@ -36,7 +36,7 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
         before, module, _ = plain.partition(module_text(ScriptForm.SINGLE, entry))
         if module:
             first, last = before.count("\n"), (before + module).count("\n") + 1
-            told = f"... lines {first + 1} to {last}: the module of rarms; a pipe gets it"
+            told = f"... lines {first + 1} to {last}: the module of rarms, shown only in a pipe"
             numbered[first:last] = [f"{'':>{width}}  {told}"]
     return "\n".join(numbered) + "\n"
 

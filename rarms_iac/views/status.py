@@ -302,4 +302,4 @@ def applied_text(host: ComparedHost, *, is_planned: bool) -> Wording:
         title = TITLES[DriftKind.NOT_APPLIED if difference.drift is DriftKind.MISSING else difference.drift]
         addresses_of.setdefault(title, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows the changes, ", APPLY, " does it.")
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows the changes, ", APPLY, " makes them.")

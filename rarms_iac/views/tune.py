@@ -144,7 +144,9 @@ def describe_doubts(run: TuningRun) -> Sequence[str]:
 
 def manifest_changes(result: TuningResult) -> tuple[str, ...]:
     """Return the changes of the manifest, a sentence each."""
-    gone = (f"Removed the entry of partition {name}: its components are in others now." for name in result.removed)
+    gone = (
+        f"Removed the entry of partition {name}: its components are now in other partitions." for name in result.removed
+    )
     return (*gone, *(f"Written to {file}." for file in result.files))
 
 

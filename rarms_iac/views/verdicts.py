@@ -64,7 +64,7 @@ def advise_to_measure(verdicts: Iterable[ComponentVerdict]) -> Prose | None:
     """Recommend the command that measures the rest; None: everything is measured."""
     if all(verdict.achievement is not Achievement.UNMEASURED for verdict in verdicts):
         return None
-    return prose("Measure what is missing: ", MEASURE, ".")
+    return prose("Measure all components: ", MEASURE, ".")
 
 
 def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
@@ -113,7 +113,7 @@ def stopped_proof(outcome: ProveOutcome, request: ProveRequest, hosts: Sequence[
     if not loads:
         return prose("Stopped before the first proof had ended. Nothing is proven. Start again: ", following, ".")
     rest = "Continue with the other loads: " if outcome.remaining else "Start again with all hosts: "
-    return prose(f"Stopped. What was proven with {in_a_row(loads)} is saved. {rest}", following, ".")
+    return prose(f"Stopped. The proofs with {in_a_row(loads)} are saved. {rest}", following, ".")
 
 
 def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":

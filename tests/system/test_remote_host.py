@@ -264,7 +264,7 @@ def test_noise_on_streams_harms_nothing(remote: Remote) -> None:
     applied = apply(remote)
 
     assert applied.code == 0, applied
-    assert "onboard says: Welcome to CELL-4" in applied.err
+    assert "onboard printed: Welcome to CELL-4" in applied.err
     assert "\x1b" not in applied.err
     assert is_as_wanted(remote)
 

@@ -178,12 +178,12 @@ def test_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     manifest = shlex.quote(str(robot))
     assert chosen == (
         f"onboard: Not applied yet: partition/vision. `rarms plan -f {manifest}` shows the changes, "
-        f"`rarms apply -f {manifest}` does it."
+        f"`rarms apply -f {manifest}` makes them."
     )
     page = rarms("report", "-f", str(robot), "-o", "-").out
     assert (
         f"partition/vision. <code>rarms plan -f {manifest}</code> shows the changes, <code>rarms apply "
-        f"-f {manifest}</code> does it."
+        f"-f {manifest}</code> makes them."
     ) in html.unescape(page)
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)

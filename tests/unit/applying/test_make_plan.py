@@ -131,7 +131,7 @@ def test_hyperv_stops_and_lists_unnamed_partition() -> None:
     found = route(vision_alone(host=HYPERV), state)
     (change,) = found.difference.changes
     assert isinstance(change, Update)
-    assert change.reason.message == "the manifest no longer names it"
+    assert change.reason.message == "it is no longer in the manifest"
 
     host = PureHost(state, made=50)
     host.walk(found.steps)

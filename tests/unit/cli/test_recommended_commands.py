@@ -461,7 +461,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(PAIR, "measure vision --from 40% --to 80% --step 40%"),
         Ask(
             "report",
-            ("Measure what is missing: ", "The manifest cannot be applied"),
+            ("Measure all components: ", "The manifest cannot be applied"),
             ("measure", "plan"),
             may_answer=NO,
             in_view=True,
@@ -531,7 +531,7 @@ OTHER_TESTS = {
     "run `rarms undo --keep` instead": "tests/unit/cli/test_undo.py",
     "After the undo, `rarms apply` sets": "tests/unit/cli/test_undo.py",
     "then `rarms apply` to restore the values of the manifest": "tests/unit/cli/test_undo.py",
-    "`rarms init` writes one.": "tests/unit/cli/test_status.py",
+    "Write a first manifest: `rarms init`.": "tests/unit/cli/test_status.py",
     "or finish it in an environment without the key": "tests/unit/app/test_plan_key.py",
     "Make the plan again in an environment that has the key: ": "tests/unit/app/test_plan_key.py",
     "Undo it with that application's manifest: ": "tests/system/test_cli_route.py",

@@ -62,7 +62,7 @@ def test_line_numbers_are_those_of_the_file(
 
     numbered = re.findall(r"^ *([0-9]+)(?:  (.*))?$", shown, re.MULTILINE)
     assert all(lines[int(number) - 1].rstrip() == text for number, text in numbered)
-    assert (": the module of rarms; a pipe gets it" in shown) is (form == "single")
+    assert (": the module of rarms, shown only in a pipe" in shown) is (form == "single")
     assert "function " not in shown
     assert ("function Lock-Host" in piped) is (form == "single")
     assert "'torch-motion.rarms-" in shown

@@ -73,7 +73,7 @@ def test_rarms_alone_without_manifest_says_how_to_begin() -> None:
     answer = rarms()
 
     assert answer.code == 64
-    assert "`rarms init` writes one" in answer.err
+    assert "Write a first manifest: `rarms init`." in answer.err
 
 
 def test_status_lists_what_is_not_measured() -> None:

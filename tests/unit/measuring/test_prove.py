@@ -239,7 +239,7 @@ def test_idle_time_is_loaded_only_on_request(here: Path, words: tuple[str, ...])
     ran = rarms(*words)
 
     assert ran.code == 64, ran.err
-    assert "Allow it with --load-host" in " ".join(ran.err.split())
+    assert "Allow full load with --load-host" in " ".join(ran.err.split())
     assert (here / ".rarms" / "hosts" / "onboard.json").read_bytes() == before, "nothing is applied either"
 
 
@@ -461,7 +461,7 @@ def test_stopped_proof_keeps_ended_loads(here: Path, monkeypatch: pytest.MonkeyP
     entries = read_entries(configuration_path(here, "onboard", "vision"))
     assert [entry.interference for entry in entries if isinstance(entry, Proven)] == ["busy-loop"]
     assert ran.code == ExitCode.INTERRUPTED
-    assert "What was proven with busy-loop is saved." in " ".join(ran.err.split())
+    assert "The proofs with busy-loop are saved." in " ".join(ran.err.split())
     assert "`rarms prove --interference bursts-20 --load-host`" in " ".join(ran.err.split())
     assert "busy-loop" in ran.out
 

@@ -295,7 +295,7 @@ def test_only_confirmed_combinations_are_measured(here: Path) -> None:
     yes = rarms("tune", "--interactive", "--samples", "60", "--json", stdin="maybe\n" + "y\n" * 9, at_a_terminal=True)
     assert yes.code == 0, yes.err
     assert yes.err.count("Try paths and video?") == 2, "once for each combination, and where the answer was none"
-    assert yes.err.count("Say y or n: ") == 1
+    assert yes.err.count("Type y or n: ") == 1
     assert json.loads(yes.out)["run"]["ending"] == "successful"
 
 

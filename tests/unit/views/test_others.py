@@ -221,7 +221,7 @@ def test_partition_is_a_line_when_done() -> None:
         "Applying plan 0123456789ab on onboard",
         "  speech: 1 step in 0.2 s",
         "  vision [face-detection, stream]: 2 steps in 0.5 s",
-        "  onboard says: <U+001B>[2Jwarning",
+        "  onboard printed: <U+001B>[2Jwarning",
     ]
 
 
