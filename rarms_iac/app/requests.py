@@ -187,7 +187,7 @@ STOP_PARTITIONS = Option(
 
 verbose_option = partial(option, "--verbose", "-v", default=False, help="Also show every attribute, reason and step.")
 load_host_option = partial(
-    flag, "--load-host", help="Use all idle time of the hosts; needed where standard input is not a terminal."
+    flag, "--load-host", help="Allow full load on the hosts; required if standard input is not a terminal."
 )
 
 

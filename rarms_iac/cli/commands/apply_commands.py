@@ -60,9 +60,9 @@ def apply_command(
 ) -> ExitCode:
     """Apply PLAN exactly. Without PLAN: make a plan, show it, ask, and apply it.
 
-    An interrupted run is finished first. rarms refuses a PLAN that was edited or used, or if a host has changed since
-    the plan was made. Ctrl-C stops after the running step. With --prove, exit code 4 means that the layout misses a
-    threshold; `rarms undo` reverses the apply.
+    rarms first finishes an interrupted run. It refuses a PLAN that was edited or already used, and a PLAN of a host
+    that has changed since. Ctrl-C stops after the running step. With --prove, exit code 4 means that the layout misses
+    a threshold. `rarms undo` reverses the apply.
     """
     session.answer_follows = options.proving
     if options.proving:
@@ -146,9 +146,9 @@ def undo_command(
 ) -> ExitCode:
     """Undo the last apply, finished or not, beginning with its last step.
 
-    rarms shows the steps, the changes that cannot be undone, and the values that it sets again although it had not set
-    them. Then it asks. It removes machines that the apply made, also those with `protect: true`. If hosts have
-    different last applies, select one with --host.
+    rarms shows the steps, the changes that cannot be undone, and the values of other tools that the undo restores.
+    Then it asks for confirmation. An undo removes the machines that the apply created, even with `protect: true`. If
+    the last applies of the hosts differ, select a host with --host.
     """
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
     keep = options.keep

@@ -28,8 +28,8 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
     """Choose a sufficient performance level for COMPONENT, and write it into the manifest as its threshold.
 
     rarms shows the measured reservation for this level and the free capacity of the host. Comments of the manifest
-    stay. A threshold that an overlay sets is changed in the overlay. If no measured reservation meets the level, rarms
-    writes nothing and ends with exit code 4. A component with a fixed reserve needs no measurement.
+    stay. If an overlay sets the threshold, rarms changes the overlay. If no measured reservation meets the level, rarms
+    writes nothing and ends with exit code 4. A component with a fixed reserve does not need a measurement.
     """
     if not request.dry_run:
         refuse_standard_input(source)
@@ -51,11 +51,11 @@ def prove_command(
 ) -> ExitCode:
     """Run all components together in the applied layout, and compare each measured value with its threshold.
 
-    The components run with each load of the policy in turn. The loads use all idle time of the hosts, so without a
-    terminal --load-host is needed. The components start at least eight times, until each threshold is met or missed
-    with 99 % confidence, for at most `policy.measuring.proof`. rarms stops earlier if that time is probably not
-    enough. The results are saved in the configuration logs. Exit code 4: a threshold is missed or inconclusive. Exit
-    code 3: the manifest has changes that are not applied.
+    The components run with each load of the policy in turn. The loads use all idle time of the hosts. Without a
+    terminal, add --load-host. rarms starts the components at least eight times, until each threshold is met or missed
+    with 99 % confidence. `policy.measuring.proof` limits the time. rarms stops earlier if that time is probably not
+    enough. The configuration logs keep the results. Exit code 4: a threshold is missed or inconclusive. Exit code 3:
+    the manifest has changes that are not applied.
     """
     refuse_load_unasked(session, loads=not request.without_load, load_host=request.load_host)
     return prove_and_show(session, select_hosts(load_manifest(source), host_selection), request)
@@ -92,9 +92,9 @@ def run_command(
 
     Use it to check `run` of a component before you measure. If this machine is a Linux host of the manifest and the
     partition of a component is running, the component starts there, with its task class. Otherwise it runs without a
-    reservation, and rarms says so. Failed samples have their reason. At the end, a table compares the results with the
-    thresholds. Without COMPONENT: all components that have `run`. Exit code 4: more samples failed than `run.failures`
-    allows. Exit code 1: a component cannot be started.
+    reservation, and rarms reports this. Each failed sample has a reason. At the end, a table compares the results with
+    the thresholds. Without COMPONENT: all components that have `run`. Exit code 4: more samples failed than
+    `run.failures` allows. Exit code 1: a component cannot be started.
 
     With --exec, the component replaces rarms, in its partition and with its task class: input, output, signals and
     exit code are the component's own. Use this in a service.

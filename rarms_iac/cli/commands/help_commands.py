@@ -84,7 +84,7 @@ class SchemaOptions:
 def schema_command(session: Session, options: SchemaOptions) -> ExitCode:
     """Print a JSON Schema: of a manifest, an overlay, a plan, a snapshot, the output of --json, or a data log's line.
 
-    An editor that knows the schema of the manifest completes keys and describes them.
+    With the schema of the manifest, an editor completes and describes keys.
     """
     session.terminal.data(shipped_text(f"schemas/{options.name}.json"))
     return ExitCode.DONE

@@ -43,7 +43,7 @@ def doctor_command(
     options: OutputOptions,
     file: DoctorOptions,
 ) -> ExitCode:
-    """Look for settings of the hosts that make a plan ineffective or unsafe, and name what to do. Only reads.
+    """Find settings of the hosts that make a plan ineffective or unsafe, and show the actions. Only reads.
 
     rarms looks at the live host, or at a file of `rarms snapshot` or of the observe script (--snapshot). Errors end
     with exit code 2; warnings and notes do not.
@@ -113,8 +113,8 @@ def snapshot_command(
 ) -> ExitCode:
     """Write the state of the hosts as JSON. Only reads.
 
-    `rarms plan --snapshot FILE` uses it where the host cannot be reached, for example in a pull request. --script
-    writes observe.ps1 instead. It needs neither a manifest nor rarms on the Hyper-V host, and prints the same JSON.
+    `rarms plan --snapshot FILE` plans from the file without a connection, for example in a pull request. --script
+    writes observe.ps1 instead. This script prints the same JSON, without a manifest and without rarms on the host.
     """
     out = options.out
     if options.script:
@@ -168,8 +168,8 @@ def install_command(
     """Install this version of rarms on Linux hosts, or remove rarms with --remove.
 
     rarms and its dependencies go to /opt/rarms, over the connection in the manifest. The host needs Python 3.11 or
-    newer, and no internet access. An unfinished run of another version is finished by that version first. The previous
-    version stays; older versions are removed.
+    newer, but no internet access. If another version left a run unfinished, that version finishes the run first. The
+    previous version stays; older versions are removed.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     with TerminalReporter(session) as reporter:

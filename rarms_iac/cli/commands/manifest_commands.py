@@ -35,11 +35,12 @@ class InitOptions:
 
 @rarms_command("init")
 def init_command(session: Session, options: InitOptions) -> ExitCode:
-    """Write a commented rarms.yaml into FOLDER (default: this folder). It validates and plans without a change.
+    """Write a commented rarms.yaml into FOLDER (default: this folder).
 
-    It has two components on a simulated host, which needs no installation. rarms makes FOLDER if it does not exist,
-    and does not replace a manifest. Editors check the manifest against rarms.schema.json in the same folder. With
-    .gitattributes, git keeps the measurements of both branches in a merge.
+    The manifest has two components on a simulated host, which needs no installation. It is ready for `rarms validate`
+    and `rarms plan`. rarms creates FOLDER if it does not exist, and never replaces a manifest. Editors check the
+    manifest against rarms.schema.json in the same folder. With .gitattributes, git keeps the measurements of both
+    branches in a merge.
     """
     written = write_first_manifest(options.folder, options.name, tutorial=options.tutorial)
     if session.as_json:
@@ -66,8 +67,8 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
     """Check manifests, and show all findings: first on the structure, then on the values.
 
     FILE is a manifest, an overlay, a folder with any number of both, or - for standard input. An overlay is checked
-    with the rarms.yaml next to it or above it. Without FILE: the manifest of --manifest. rarms contacts no host and
-    starts no program. Errors end with exit code 2; warnings and notes do not.
+    with the rarms.yaml next to it or above it. Without FILE: the manifest of --manifest. rarms does not contact
+    a host or start a program. Errors end with exit code 2; warnings and notes do not.
     """
     outputs = options.targets(session)
     named = options.files or (source.manifest,)

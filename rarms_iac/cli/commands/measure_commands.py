@@ -64,12 +64,13 @@ def measure_command(
     """Find the smallest reservation at which each COMPONENT meets its thresholds. Without COMPONENT: all components.
 
     The component runs in a test partition under an interfering load, one setting after another. Each complete setting
-    is saved below measurements/. After Ctrl-C or a kill, run the same command to continue; it repeats no saved
-    setting.
+    is saved below measurements/. After Ctrl-C or a kill, run the same command to continue. Saved settings are
+    not repeated.
 
-    Running partitions of the application must stop: rarms asks at a terminal, or give --stop-partitions. They start
-    again afterwards. After a kill, the next `rarms measure`, `start` or `apply` starts them. Exit code 4: a component
-    misses a threshold, or a threshold is inconclusive. Exit code 1: a stopped partition cannot be started.
+    Running partitions of the application must stop. rarms asks at a terminal; without one, add --stop-partitions. The
+    partitions start again afterwards. After a kill, the next `rarms measure`, `start` or `apply` starts them. Exit code
+    4: a component misses a threshold, or a threshold is inconclusive. Exit code 1: a stopped partition cannot be
+    started.
     """
     stops = options.stops(on_busy_host=request.on_busy_host)
     request = replace(request, reserves=reserves_between(options.first, options.last, options.step))

@@ -41,8 +41,8 @@ def stop_command(
 ) -> ExitCode:
     """Stop PARTITIONs of this application until `rarms start`. Without PARTITION: all of them.
 
-    rarms makes a plan, shows it, asks, and runs it. The mark of each partition records the stop, so that it is not
-    drift and no plan starts the partition. Its settings and reservation stay.
+    rarms makes a plan, shows it, asks, and runs it. The mark of each partition records the stop.
+    The stop is not drift, and no plan starts the partition. Settings and reservation stay.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     return plan_ask_apply(session, hosts, _request(hosts, Purpose.STOP, which), how)
@@ -109,8 +109,8 @@ def destroy_command(
 ) -> ExitCode:
     """Remove all partitions and task classes that have the mark of this application.
 
-    rarms shows the plan and asks first. Task classes get their earlier values back. Nothing else changes. A partition
-    with `protect: true` is an error. --target removes one resource, also an unused partition.
+    rarms shows the plan and asks first. Task classes get their earlier values back. Nothing else changes. rarms
+    refuses to remove a partition with `protect: true`. --target removes one resource, also an unused partition.
 
     Disks are kept. --remove-disks deletes the disks that rarms made from an image, if they are in the folder of rarms
     and no other machine, disk or checkpoint needs them. Their content is lost.

@@ -76,8 +76,8 @@ def plan_command(
 ) -> ExitCode:
     """Show the changes that an apply would make on the hosts. Changes nothing.
 
-    --output markdown is for the comment of a pull request. sarif, junit and github contain the findings, even if there
-    is no plan.
+    --output markdown writes the text of a pull-request comment. The formats sarif, junit and github contain the
+    findings, even without a plan.
     """
     outputs = options.targets(session)
     places: Places = first_line(manifest_path(source.manifest))
@@ -140,7 +140,7 @@ def show_command(
 ) -> ExitCode:
     """Show a plan file of `rarms plan --out`, or with --script the scripts that run on its hosts.
 
-    A PLAN needs neither a manifest nor a host. rarms refuses a file whose content gives another plan than its id says.
+    A PLAN needs neither a manifest nor a host. rarms refuses a file whose content does not match its id.
     With --script and without PLAN, rarms makes the plan first. In a pipe or file, the output has the exact bytes of
     one script. --against only shows the differences: the exit code is 0 with and without them.
     """

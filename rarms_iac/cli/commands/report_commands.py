@@ -38,8 +38,9 @@ def graph_command(session: Session, source: ManifestSource, options: GraphOption
     """Draw the hosts, their partitions and components, as the manifest alone places them.
 
     --candidates draws the measured components, and each compound of them that could reserve less than its members. An
-    estimated reservation of a compound is marked "predicted" until it is measured. No host is needed. The drawing is
-    in Mermaid, which GitHub and GitLab show on a page or in a pull request. On a terminal, --candidates shows a table.
+    estimated reservation of a compound is marked "predicted" until it is measured. rarms does not contact a host. The
+    drawing is in Mermaid, which GitHub and GitLab show on a page or in a pull request. On a terminal, --candidates
+    shows a table.
     """
     manifest = load_manifest(source)
     if options.candidates:
