@@ -126,7 +126,7 @@ def test_script_does_not_run_on_host_itself() -> None:
     ran = run(host, SCRIPT)
 
     assert ran.code == 3, ran.says
-    assert "no guest" in ran.says
+    assert "not a guest" in ran.says
 
 
 @pytest.mark.parametrize("script", [SCRIPT, UNDO])

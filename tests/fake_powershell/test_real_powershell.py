@@ -221,7 +221,7 @@ def test_confirm_without_console_is_refused() -> None:
     alone = run(host, apply_script(prepared.plan), unanswered=True)
 
     assert ran.code == 1
-    assert "no console answers here" in ran.events[-1]["detail"]
+    assert "no console is available" in ran.events[-1]["detail"]
     assert "with -Force" in ran.events[-1]["detail"]
     assert alone.code == 0, "nothing is stopped, removed or deleted: it does not ask"
 

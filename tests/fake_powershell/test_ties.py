@@ -48,7 +48,7 @@ def test_replica_is_stranger_whose_name_is_taken(mode: str) -> None:
     assert found.plan is None
     (replica,) = cell(host).observe().partitions
     assert (replica.mark, replica.claims_resources) == (None, False)
-    assert "replica of one on another host" in replica.foreign_mark
+    assert "replica of a machine on another host" in replica.foreign_mark
 
 
 def test_a_primary_is_ours() -> None:

@@ -507,7 +507,7 @@ def test_hyper_v_robot_is_changed_through_ansibles_psrp(tmp_path: Path, monkeypa
     assert fleet.play(APPLY).changed == []
 
     other = fleet.play(APPLY, options=("-e", "ansible_connection=winrm"))
-    assert "set `ansible_connection: psrp`" in other.results["w-1"]["msg"]
+    assert "Set `ansible_connection: psrp`" in other.results["w-1"]["msg"]
     monkeypatch.setenv("NAME", "another")
     refused = fleet.play(APPLY).results["w-1"]
     assert (refused["rarms_unreachable"], "another" in json.dumps(refused)) == (True, False), refused

@@ -95,7 +95,7 @@ def test_what_plan_and_journal_hold_never_has_password(remote: Remote) -> None:
     [
         (WINRM, {"CELL_PASSWORD": "another"}, "WinRM does not reach cell: Failed to authenticate the user"),
         (WINRM.replace("cell", "refused"), {}, "WinRM does not reach refused: Connection refused"),
-        (WINRM.replace("CELL_", "NO_"), {}, "the variable NO_PASSWORD, which holds the password of rarms, is not set"),
+        (WINRM.replace("CELL_", "NO_"), {}, "the variable NO_PASSWORD for the password of rarms is not set"),
         (WINRM, {"PYTHONPATH": "."}, "In the clone's .venv: `.venv/bin/pip install -e '.[winrm]'`."),
     ],
     ids=["password", "service", "variable", "package"],

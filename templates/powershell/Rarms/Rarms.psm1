@@ -21,7 +21,7 @@ $ConfirmPreference = 'None'
 $script:Whole = @{ Address = 'host'; Number = 0 }  # used in events that are not about a step
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = '6fe840e777775706ac5e072c5e557c43a6a12a87a3abb5b8a0ff8b5f03f12ec5'
+$script:Observe = '8bbf8a6f27e5a01dcc23ff07634cfe30044b2c322be4e64c21b32a6f10b7ba7f'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -454,7 +454,7 @@ function Test-Wanted {
     if ($script:Run.AsJson -and $script:Preview) { return $false }
     $ConfirmPreference = $script:Run.Confirmation
     try { $script:Run.Caller.ShouldProcess($Address, $Action) }
-    catch { throw 'this step needs a confirmation: run the script in a console, or with -Force' }
+    catch { throw 'no console is available to confirm this step: run the script in a console, or with -Force' }
 }
 
 function Get-Leave {

@@ -23,7 +23,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 0b19fffc18248e76409590ae4892fb7570cc93789ea11fc00ee22a01ab280d47, Rarms.psm1 905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 14410a2afdbe78995241fe11a34947a92233851f8059978a2a0db709312a6e34, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '2c6d65eb0ba5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '0b19fffc18248e76409590ae4892fb7570cc93789ea11fc00ee22a01ab280d47'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '14410a2afdbe78995241fe11a34947a92233851f8059978a2a0db709312a6e34'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -83,7 +83,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63'
+    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

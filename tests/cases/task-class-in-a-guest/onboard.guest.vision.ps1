@@ -22,7 +22,7 @@
     Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo e6a78eb3ecdae9ee0aeb08f922ab87db4d098e40a94da7ef3842bc11100f3831, Rarms.psm1 905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 8754256a876bf8664e5f33323304213cf1db3abca1785a87063dca1f8723e206, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'e6a78eb3ecdae9ee0aeb08f922ab87db4d098e40a94da7ef3842bc11100f3831'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '8754256a876bf8664e5f33323304213cf1db3abca1785a87063dca1f8723e206'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '905F25BA201D3EED468D5675444927706134DB607899E0A27BD88302418C1D63'
+    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

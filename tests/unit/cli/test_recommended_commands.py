@@ -596,7 +596,7 @@ NOT_RECOMMENDED = (
     "`rarms undo` cannot restore it",
     "`rarms undo` of the apply that created the partition still removes it",
     "`rarms undo` and the undo script cannot restore it",
-    "y stops them like `rarms stop`",
+    "y: stop them like `rarms stop`",
     "like `rarms tune --interactive`",
 )
 """Messages that name a command and recommend nothing: what it did or does, by words of each."""
