@@ -158,8 +158,8 @@ class _Walk:
         others = [name for name in names if name != partition]
         with_others = f" with {', '.join(others)}" if others else ""
         why = (
-            f"no order of the steps{with_others} stays within the capacity of the host, and this one is the "
-            "least critical"
+            f"no order of the steps{with_others} stays within the capacity of the host, and this partition is "
+            "the least critical"
         )
         stop_and_start = stop_and_restart(
             self.queue[at], why, grace_ms(self.context.graces, partition), forces=self.context.forces

@@ -74,7 +74,7 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     )
     name = address.partition
     assert after.mark is not None, "every created machine has a mark"
-    yield mark_step(builder, after.mark, "from now on rarms recognises it, also after a crash")
+    yield mark_step(builder, after.mark, "rarms recognises the machine by this mark, also after a crash")
     for facet, row in FACETS.items():
         if not row.in_creation:
             yield facet_step(builder, facet, wanted, wanted)
@@ -121,7 +121,7 @@ def _creation_step(address: Address, after: Partition, making: Making, reason: R
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment="it stays off with a temporary name until all is set",
+        comment="it stays off, with a temporary name, until all settings are made",
         place=reason.place,
     )
 

@@ -72,7 +72,7 @@ def _joined(text: str) -> Literal:
     for plain, run in groupby(units, key=lambda unit: 0x20 <= unit <= 0x7E):
         parts.extend(_parts(plain, list(run)))
     if len(parts) > MOST_PARTS:
-        raise NoLiteral(text, f"it has {len(parts)} parts that are not plain ASCII or lie between; {MOST_PARTS} may be")
+        raise NoLiteral(text, f"it has {len(parts)} parts outside or between plain ASCII; the limit is {MOST_PARTS}")
     return f"({' + '.join(parts)})"
 
 

@@ -72,7 +72,7 @@ def render_measuring(
             *(f"Runs {_title(work)} inside {work.partition}." for work in works),
             "At the end, also after an error, it removes the test partitions and their disks." if works else removal,
         ),
-        "usage": "Shows what it would create. Without -WhatIf it measures the settings that rarms sends."
+        "usage": "Shows the planned machines. Without -WhatIf, the script measures the settings that rarms sends."
         if works
         else removal,
         "notes": (),

@@ -319,9 +319,9 @@ def _head(kind: RunKind, target: _Target, steps: Sequence[_GuardedPiece], digest
             *map(_help, not_undone_lines(changed)),
             *map(_help, _foreign_lines(on, planned) if kind is RunKind.UNDO else ()),
         ],
-        "usage": (f"Shows the changes; without -WhatIf it makes them. To undo them, run .\\{undo} in the same folder.")
+        "usage": (f"Shows the changes. Without -WhatIf, makes them. To undo them, run .\\{undo} in the same folder.")
         if kind is RunKind.APPLY
-        else "Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.",
+        else "Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.",
         "notes": [
             _help(f"Manifest {run.manifest_digest[:12]}, rarms {run.rarms_version}. {digests}"),
             *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in run.accepted),

@@ -66,7 +66,7 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
     names = Counter(name for _, name in calls if name != _WAITS)
     call_counts = ", ".join(f"{name} {number}" for name, number in sorted(names.items()))
     risk = "; ".join(parts if of_machines else [*parts[2:], "no machine is stopped or changed"])
-    return f"{risk}.", f"Only these calls change something (and how often): {call_counts}."
+    return f"{risk}.", f"Only these calls change something, with their numbers: {call_counts}."
 
 
 def duration_line(steps: Sequence[Step]) -> str:
@@ -77,7 +77,7 @@ def duration_line(steps: Sequence[Step]) -> str:
         waits.append(f"{_seconds(started)} s while machines start, one after another")
     if any(step.address.partition and not step.address.task for step in steps):
         waits.append(f"at most {_LAST_LOOK_S} s at the end, if a guest is just restarting")
-    return f"Time: a few seconds for each call. It waits {'; '.join(waits) or 'for no guest'}."
+    return f"Time: a few seconds for each call. The script waits {'; '.join(waits) or 'for no guest'}."
 
 
 def not_undone_lines(steps: Iterable[Step]) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ class Action(BaseModel):
 
 
 class MeasureAction(Action):
-    """Measure components; without names all that have an APT."""
+    """Measure components; without names all with an APT."""
 
     components: list[str] = []
     together: bool = False
@@ -227,7 +227,7 @@ class PlanAction(Action):
         workspace.does = START if self.purpose is Purpose.START else APPLY
         workspace.scripts = scripts_since(plan, dict(last_runs(hosts)))
         workspace.plan = plan
-        transcript.message(f"Plan {plan.id} is made.")
+        transcript.message(f"Plan {plan.id} is ready.")
         return "done"
 
 

@@ -296,7 +296,7 @@ def _remark(host: str, known: Knowledge) -> str:
     if is_followed(known.manifest.system.hosts[host]):
         return ""
     return (
-        f"Read at {known.looked_at}. Changes by other tools appear within {LOOK_SECONDS} s if nothing "
+        f"Read at {known.looked_at}. Changes by other tools appear within {LOOK_SECONDS} s if no action "
         "runs here. Locks by other runs are not shown."
     )
 

@@ -57,12 +57,12 @@ LONGEST = 500
 
 
 def undo_text(undo: UndoPreview) -> "RenderableType":
-    """List the steps of an undo in their order, with those that it cannot undo, and what stays as it was applied."""
+    """List the steps of an undo in their order, with those that it cannot undo, and what stays as applied."""
     started = undo.started
     lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
     lines += [f"  {visible(line[:LONGEST], keep='')}" for line in undo.script]
     if undo.keeps:
-        lines += [f"  {address}: stays as it was applied" for address in undo.foreign]
+        lines += [f"  {address}: stays as applied" for address in undo.foreign]
     return stack(
         paragraph(
             f"Undo of the {started.purpose.value} of plan {started.plan} on {undo.host}, started by "

@@ -56,7 +56,7 @@ export const showPlot = (plot) => {
 
 // What is written is the level alone, here as by `rarms select`.
 const fixedSentence = (card) =>
-  card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}: with cpu: { reserve: measured } it would follow the level.` : "";
+  card.fixed.length > 0 && card.plots.some((plot) => plot.moved) ? ` The manifest fixes the reserve of ${card.fixed.join(", ")}. To follow the level, set cpu: { reserve: measured }.` : "";
 
 const capitalised = (text) => text[0].toUpperCase() + text.slice(1);
 
@@ -65,7 +65,7 @@ const whyUnknown = (card) => {
   const verdict = verdictOf(card);
   const short = wanted(card).filter((plot) => achievementOf(plot) === verdict);
   if (verdict === "not measured") return `With ${card.load}: ${inProcessors(leastReserve(wanted(card)) * card.processors)}.`;
-  if (short.length === 0) return "No reserve is shown to be enough for all thresholds together.";
+  if (short.length === 0) return "No reserve meets all thresholds together with 99 % confidence.";
   return `${capitalised(verdict)}: ${short.map((plot) => `${plot.component} ${plot.index} ${inWords(plot)}`).join(", ")}.`;
 };
 
@@ -78,9 +78,9 @@ const headline = (card, reserve) => {
 };
 
 const levelSentence = (card, reserve) => {
-  if (reserve === undefined) return "The component has no threshold yet: move a line to see what a level needs.";
+  if (reserve === undefined) return "The component has no threshold yet. Move a line to see the reserve for a level.";
   if (reserve === null) return whyUnknown(card);
-  if (leastReserve(wanted(card)) < reserve) return "The manifest fixes more for one of its components.";
+  if (leastReserve(wanted(card)) < reserve) return "The manifest fixes a larger reserve for one of its components.";
   const deciding = wanted(card).filter((plot) => leastReserve([plot]) === reserve);
   const measured = deciding.every((plot) => plot.measured.includes(reserve));
   const where = deciding.map((plot) => `${plot.component} ${plot.index} ${inWords(plot)}`).join(", ");
@@ -140,7 +140,7 @@ export const showTotals = (page) => {
     const sentence = fit.querySelector(".sentence");
     const reserved = `${unknown ? "At least " : ""}${inProcessors(total)} of ${capacity.processors} LP reserved`;
     const otherwise = fixedOtherwise(capacity, page.cards).map((card) => card.name);
-    const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines; the manifest fixes a different reserve, which applies until it is set to measured.` : "";
+    const fixed = otherwise.length > 0 ? ` This counts ${otherwise.join(", ")} by the lines. The manifest fixes a different reserve. To follow the lines, set cpu: { reserve: measured }.` : "";
     textOf(sentence, `${reserved} (${shareOfHost(total / capacity.processors)} % of ${capacity.name})${capacity.otherClaims}. ${message}.${fixed}`);
     sentence.classList.toggle("over-full", !fits);
     fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));

@@ -165,7 +165,7 @@ const showRows = (rows) => {
 const showWork = (work) => {
   if (work.number === 0) return;
   isRunning = work.ending === "";
-  textOf(element("work-title"), isRunning ? "What runs" : "Last command");
+  textOf(element("work-title"), isRunning ? "Running action" : "Last command");
   element("work").dataset.state = `${work.number}${work.ending}`; // what a page that has caught up begins its version with
   element("work").hidden = false;
   element("work-command").textContent = work.command;
@@ -214,7 +214,7 @@ const showLoss = async () => {
     reason = "refused";
   } catch {
     element("work-stop").hidden = true;
-    if (isRunning) element("work-status").textContent = "was cut off.";
+    if (isRunning) element("work-status").textContent = "was interrupted.";
   }
   for (const text of element("connection").children) text.hidden = text.dataset.when !== reason;
   element("connection").hidden = false;

@@ -122,7 +122,7 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert tree.read(vision).quota_percent == pytest.approx(80, abs=0.1)
 
     kept = run(folder, "undo", "--keep", "--auto-approve")
-    assert "partition/face-detection: stays as it was applied" in kept.err
+    assert "partition/face-detection: stays as applied" in kept.err
     assert tree.read(vision).quota_percent == pytest.approx(80, abs=0.1)
     undone = run(folder, "undo", "--auto-approve")
     assert (kept.code, undone.code) == (0, 0)

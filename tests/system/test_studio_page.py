@@ -555,7 +555,7 @@ def test_killed_server_is_told_and_replaced(browser: "WebDriver", slow: Path) ->
             "The server is not running, and the running action ended with it. Start rarms studio again"
         )
         assert not browser.find_element("id", "work-stop").is_displayed()
-        assert shown(browser, "work-status") == "was cut off."
+        assert shown(browser, "work-status") == "was interrupted."
     with studio(slow) as again:
         opens(browser, again)
         assert "removes the test partitions of an interrupted measurement" in shown(browser, "next")
@@ -682,7 +682,8 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
         before = waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")
         assert before.startswith("1 LP of 2 LP reserved"), "the manifest fixes 0.6 LP and 0.4 LP"
         assert (
-            "For the current position of the lines." in browser.find_element("css selector", "[data-key=summary]").text
+            "The bars show the current position of the lines."
+            in browser.find_element("css selector", "[data-key=summary]").text
         )
         browser.find_element("id", "m1-1-line").send_keys("\ue011")  # Home
         assert shown(browser, "m1-reserve") == "Not achieved"
@@ -691,7 +692,7 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
         assert sentence.startswith("At least 1 LP of 2 LP reserved")
         assert sentence.endswith("Headroom of onboard: not known: control is not achieved.")
         assert shown(browser, "m1-headroom") == "Headroom of onboard: not known: control is not achieved."
-        assert shown(browser, "m1-level").endswith("with cpu: { reserve: measured } it would follow the level.")
+        assert shown(browser, "m1-level").endswith("To follow the level, set cpu: { reserve: measured }.")
         assert "cpu" not in shown(browser, "m1-manifest"), "the edit is the level alone, as the button shows it"
         hidden = "return document.querySelectorAll('#m1-1-reserves > text[visibility=hidden]').length"
         assert browser.execute_script(hidden) == 0, "a mark that is not shown covers no label"
@@ -699,8 +700,8 @@ def test_level_that_no_reserve_achieves_leaves_headroom_unknown(browser: "WebDri
 
 def test_bar_counts_line_despite_fixed_reserve(browser: "WebDriver", shared: Studio) -> None:
     remark = (
-        " This counts control by the lines; the manifest fixes a different reserve, which applies until it is set to "
-        "measured."
+        " This counts control by the lines. The manifest fixes a different reserve. To follow the lines, set "
+        "cpu: { reserve: measured }."
     )
     opens(browser, shared)
     waits_for(browser, "return document.querySelector('#fit-1 .sentence')?.textContent")

@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.cli.running import Ran, rarms
 
-PROVIDER = "provider: simulated  # needs nothing installed; or hyperv, or linux"
+PROVIDER = "provider: simulated  # needs no installation; or hyperv, or linux"
 ACCEPTED = """\
 policy:
   accept:

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2c6d65eb0ba5 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 5773a8dd7937 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory  disk                                                                  switch  secure boot  start
-    vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-2c6d65eb0ba5.vhdx from D:\images\base.vhdx  lab     default      start
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-5773a8dd7937.vhdx from D:\images\base.vhdx  lab     default      start
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: vision: all data on the disk created from D:\images\base.vhdx is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -20,10 +20,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 14410a2afdbe78995241fe11a34947a92233851f8059978a2a0db709312a6e34, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 9e33011dba7fa8dc641b844f3875f226dd8b143a612742332a5fce25e0a8ac85, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '2c6d65eb0ba5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '14410a2afdbe78995241fe11a34947a92233851f8059978a2a0db709312a6e34'
+        Run = 'apply'; Purpose = 'apply'; Plan = '5773a8dd7937'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9e33011dba7fa8dc641b844f3875f226dd8b143a612742332a5fce25e0a8ac85'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,14 +49,14 @@ $plan = {
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-2c6d65eb0ba5' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+        Hyper-V\New-VM -Name 'vision.rarms-5773a8dd7937' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' -Parent 'D:\images\base.vhdx' }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -Parent 'D:\images\base.vhdx' }
     Add-Step -Action 'create a disk that is a child of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
     } -Set {
         Add-Folder -Path 'D:\machines\vision'
-        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
+        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
     }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
@@ -64,10 +64,10 @@ $plan = {
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
-        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' }
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
-        Move-NewPartition -From 'D:\machines\vision.rarms-2c6d65eb0ba5' -To 'D:\machines\vision'
+        Move-NewPartition -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision'
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 2c6d65eb0ba5 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 5773a8dd7937 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
     name    the running step  off
     vision  stopped; removed  for good, after at most 120 s
-    Time: a few seconds for each call. It waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Remove-Item 1, Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
+    Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Remove-Item 1, Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
     Not undone: vision: all data on the disk created from D:\images\base.vhdx is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -20,7 +20,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '2c6d65eb0ba5'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '5773a8dd7937'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -48,19 +48,19 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 3 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' }
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that is a child of D:\images\base.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-Item -LiteralPath 'D:\machines\vision\vision-2c6d65eb0ba5.vhdx' }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-2c6d65eb0ba5' -To 'D:\machines\vision' }
+    } -Set { Remove-Item -LiteralPath 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From 'D:\machines\vision.rarms-2c6d65eb0ba5' -To 'D:\machines\vision'
+        Remove-PartitionFolder -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision'
     }
 }
 #region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.

@@ -7,8 +7,8 @@
     speech      stopped; removed                                                    for good, after at most 120 s
     task/Games  set Priority 4 -> 2; delete its record: rarms no longer manages it
     vision      stopped; removed; delete its disk D:\vms\vision-0123456789ab.vhdx   for good, after at most 120 s
-    Time: a few seconds for each call. It waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Remove-Item 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
+    Time: a few seconds for each call. The script waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Remove-Item 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     Not undone: speech, vision: the machine cannot be created again
     Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
@@ -23,10 +23,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 7e63ace4686a0a89484e2c3cebe97769bf24fadd2af4d331a0176737088ecc67, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 6adf32e7bda664c15e88effd85f6fa909cb1572a28d0e589fd81f83b1805b263, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -43,7 +43,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'destroy'; Plan = 'd24b8e880854'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '7e63ace4686a0a89484e2c3cebe97769bf24fadd2af4d331a0176737088ecc67'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '6adf32e7bda664c15e88effd85f6fa909cb1572a28d0e589fd81f83b1805b263'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -7,8 +7,8 @@
     speech      started, if the run ended before the machine was removed
     task/Games  record it as managed, with its earlier values; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium
     vision      started, if the run ended before the machine was removed
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
     Not undone: speech, vision: the machine cannot be created again
     Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
@@ -23,7 +23,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.

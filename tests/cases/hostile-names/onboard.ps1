@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6ee6c00d449b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan bf93d04b56c7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory  disk  switch                                       secure boot  start
     vision   2           1.6 LP (80 % of each)  100     1 GiB   none  lab 'a' \u2018b\u2019 \u201ac\u201b $(x) `n  default      start
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Move-NewPartition 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Move-NewPartition 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -19,10 +19,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo cc2e9b07286350270694d35ca22612fa01927b668c0d91bf79921a0def54963c, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo 5a3a3facae08867c66a96af68acc1f83d5342d6286defce4697a9f6b244c9dc1, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '6ee6c00d449b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'cc2e9b07286350270694d35ca22612fa01927b668c0d91bf79921a0def54963c'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'bf93d04b56c7'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '5a3a3facae08867c66a96af68acc1f83d5342d6286defce4697a9f6b244c9dc1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -48,14 +48,14 @@ $plan = {
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-6ee6c00d449b' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
+        Hyper-V\New-VM -Name 'vision.rarms-bf93d04b56c7' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
     }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824; name = 'vision'
         processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
-        Move-NewPartition -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+        Move-NewPartition -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-bf93d04b56c7') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6ee6c00d449b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan bf93d04b56c7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
     name    the running step  off
     vision  stopped; removed  for good, after at most 120 s
-    Time: a few seconds for each call. It waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
+    Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -19,7 +19,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
@@ -38,7 +38,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '6ee6c00d449b'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = 'bf93d04b56c7'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -50,9 +50,9 @@ $plan = {
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-bf93d04b56c7') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
     Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-6ee6c00d449b') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-bf93d04b56c7') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
     }
 }
 #region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.

@@ -5,8 +5,8 @@
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    the running step                                                                                                    off
     speech  stopped; reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2; started  until it has started, at most 120 s to stop
-    Time: a few seconds for each call. It waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
+    Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: speech: it restarts: data in memory is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -20,10 +20,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 9607b9d39fa0582cb4b789efc1abf855c398df100b332f72b6d2a0486aa93081, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo d1088d033dcfdaca1bf360f3b9d1b7036905559ec201dbbbb57078222e2f61eb, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '0a3e25b64bcc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9607b9d39fa0582cb4b789efc1abf855c398df100b332f72b6d2a0486aa93081'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'd1088d033dcfdaca1bf360f3b9d1b7036905559ec201dbbbb57078222e2f61eb'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -5,8 +5,8 @@
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     name    the running step                                                                                                    off
     speech  stopped; processors 2 -> 1; reserve 0.4 -> 0.4 LP (20 % of each of 2 processors -> 40 % of its processor); started  until it has started, at most 120 s to stop
-    Time: a few seconds for each call. It waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
+    Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     Not undone: speech: it restarts: data in memory is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -20,7 +20,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.

@@ -4,8 +4,8 @@
 .DESCRIPTION
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     voice  name voice -> speech
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Rename-VM 1, Write-Mark 1.
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Rename-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -18,7 +18,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.

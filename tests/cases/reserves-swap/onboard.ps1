@@ -6,8 +6,8 @@
     name    the running step
     speech  reserve 0.8 -> 2.4 LP (20 -> 60 % of each of 4 processors)
     vision  reserve 2.4 -> 0.8 LP (60 -> 20 % of each of 4 processors)
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Set-VMProcessor 2, Write-Mark 2.
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Set-VMProcessor 2, Write-Mark 2.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -20,10 +20,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 1ac5ef092675e3e5efe3e54b1c610d1ead3923d0cedcb236863b0b31a9657a08, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest 196bb96d8b2f, rarms 0.1.0. SHA-256: the undo 0a208029ce46825e0fb884b68e4ef0b21dfce898220cf6d8c546761146c76557, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '66ade8673199'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1ac5ef092675e3e5efe3e54b1c610d1ead3923d0cedcb236863b0b31a9657a08'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '0a208029ce46825e0fb884b68e4ef0b21dfce898220cf6d8c546761146c76557'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

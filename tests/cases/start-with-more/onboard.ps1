@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 00ff16152bda of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 814e19b9f5fb of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory   disk  switch  secure boot  start
     door     1           1 LP (100 % of each)   100     256 MiB  none  none    default      start
     speech   1           0.8 LP (80 % of each)  200     512 MiB  none  none    default      start
-    Time: a few seconds for each call. It waits 60 s while machines start, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): New-VM 2, Remove-VMNetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 4, Start-VM 2, Write-Mark 2.
+    Time: a few seconds for each call. The script waits 60 s while machines start, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: New-VM 2, Remove-VMNetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 4, Start-VM 2, Write-Mark 2.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -20,10 +20,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo c7f5152b3c944d2f2c06be1991ee1e824469950e398f16d100b4965b331eb3e8, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo 121628f5afbde6b4041b38610c5486309161fd5d0ef223c875b73af092bd8b35, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '00ff16152bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c7f5152b3c944d2f2c06be1991ee1e824469950e398f16d100b4965b331eb3e8'
+        Run = 'apply'; Purpose = 'apply'; Plan = '814e19b9f5fb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '121628f5afbde6b4041b38610c5486309161fd5d0ef223c875b73af092bd8b35'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -48,7 +48,7 @@ $plan = {
     Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 268435456
-    } -Set { Hyper-V\New-VM -Name 'door.rarms-00ff16152bda' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'door.rarms-814e19b9f5fb' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
         processors = 1; reserve = 100; set = '5805e8f8f9bc'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
@@ -65,7 +65,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-00ff16152bda' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-814e19b9f5fb' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 80; set = '6e07bbd865ca'; start_action = 'start'; state = 'off'

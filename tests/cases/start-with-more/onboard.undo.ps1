@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 00ff16152bda of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 814e19b9f5fb of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
     name    the running step  off
     door    stopped; removed  for good, after at most 120 s
     speech  stopped; removed  for good, after at most 120 s
-    Time: a few seconds for each call. It waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): Remove-VM 2, Stop-Partition 2.
+    Time: a few seconds for each call. The script waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: Remove-VM 2, Stop-Partition 2.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -20,7 +20,7 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
-    Shows the changes; without -WhatIf it undoes the steps that were done, the last one first.
+    Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
     Manifest ee4efea13b84, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '00ff16152bda'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '814e19b9f5fb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 73fb53a99eaf of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 664e0a81f427 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  write the class MotionControl, and save its earlier values
-    Time: a few seconds for each call. It waits for no guest.
-    Only these calls change something (and how often): Remove-TaskValue 1, Save-TaskRecord 1, Write-TaskValue 8.
+    Time: a few seconds for each call. The script waits for no guest.
+    Only these calls change something, with their numbers: Remove-TaskValue 1, Save-TaskRecord 1, Write-TaskValue 8.
     Not undone: vision: restores the values of the class from before rarms
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -19,10 +19,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.guest.vision.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 8754256a876bf8664e5f33323304213cf1db3abca1785a87063dca1f8723e206, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 83408ab37dbe84071718b612c92f8177a1ddb33b9635111edddfb9c7fe5058c1, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '8754256a876bf8664e5f33323304213cf1db3abca1785a87063dca1f8723e206'
+        Run = 'apply'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '83408ab37dbe84071718b612c92f8177a1ddb33b9635111edddfb9c7fe5058c1'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)

@@ -1,12 +1,12 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 73fb53a99eaf of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 664e0a81f427 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
     machine  processors  reserve                weight  memory  disk  switch  secure boot  start
     vision   2           1.6 LP (80 % of each)  100     1 GiB   none  none    default      start
-    Time: a few seconds for each call. It waits at most 300 s at the end, if a guest is just restarting.
-    Only these calls change something (and how often): New-VM 1, Remove-VMNetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
+    Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
+    Only these calls change something, with their numbers: New-VM 1, Remove-VMNetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -19,10 +19,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 73bf92fe57994f5be78cee2ddf71a70e3d1987a92e71744810660b0d795b0f8d, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo aca4ce458e03386e2df35203d9729c15a2cbe47b556d292084f90f136acef37c, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -38,8 +38,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '73fb53a99eaf'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '73bf92fe57994f5be78cee2ddf71a70e3d1987a92e71744810660b0d795b0f8d'
+        Run = 'apply'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'aca4ce458e03386e2df35203d9729c15a2cbe47b556d292084f90f136acef37c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -47,7 +47,7 @@ $plan = {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set { Hyper-V\New-VM -Name 'vision.rarms-73fb53a99eaf' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'vision.rarms-664e0a81f427' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
         name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'

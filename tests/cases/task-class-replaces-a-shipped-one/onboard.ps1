@@ -4,8 +4,8 @@
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     task/Games  record it as managed, with its earlier values; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
-    Time: a few seconds for each call. It waits for no guest.
-    Only these calls change something (and how often): Write-TaskRecord 1, Write-TaskValue 8.
+    Time: a few seconds for each call. The script waits for no guest.
+    Only these calls change something, with their numbers: Write-TaskRecord 1, Write-TaskValue 8.
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -18,10 +18,10 @@
     Returns an object for each step, or with -AsJson one for all, that shows whether it is done. Changes nothing.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
-    Shows the changes; without -WhatIf it makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
+    Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo cf4f831d7b0b621044ca4f4242ab2ea306ecbb79b355716a156960b5d6142fe8, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 244f3ab875b69093bef9586b4791d314f44ece1d31f5e9abfc6fa47449a1c744, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '180aff4c51e0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'cf4f831d7b0b621044ca4f4242ab2ea306ecbb79b355716a156960b5d6142fe8'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '244f3ab875b69093bef9586b4791d314f44ece1d31f5e9abfc6fa47449a1c744'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

@@ -67,7 +67,7 @@ def test_keep_leaves_what_the_apply_repaired() -> None:
     kept = rarms("undo", "--keep", "--auto-approve")
 
     assert kept.code == 0
-    assert "partition/vision: stays as it was applied" in said(kept)
+    assert "partition/vision: stays as applied" in said(kept)
     assert "RARMS402" not in kept.err
     assert reserves() == {"vision": "0.8", "speech": "0.4"}
 

@@ -229,7 +229,7 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
     for script in scripts.values():
         text = script.decode("ascii")
         assert "    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.\r\n" in text
-        assert "    Only these calls change something (and how often): Set-VMProcessor 1, Write-Mark 1.\r\n" in text
+        assert "    Only these calls change something, with their numbers: Set-VMProcessor 1, Write-Mark 1.\r\n" in text
     there, back = (re.search(r"reserve (\S+) -> (\S+) LP", text.decode("ascii")) for text in scripts.values())
     assert there
     assert back
@@ -256,7 +256,7 @@ def test_guests_script_counts_task_classes_and_no_machines() -> None:
 
     assert "    task classes: 1 changed, 0 removed; no machine is stopped or changed.\r\n" in head
     assert "    speech/task/SpeechRecognition  record it as managed" in head
-    assert "    Time: a few seconds for each call. It waits for no guest.\r\n" in head
+    assert "    Time: a few seconds for each call. The script waits for no guest.\r\n" in head
 
 
 def test_head_says_waits_and_downtime() -> None:
