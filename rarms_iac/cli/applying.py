@@ -102,7 +102,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         return report_end(session, RunReport(ending=RunEnding.NOTHING), before=finished, quiet=True)
     refuse_provisional(plan)
     if not how.auto_approve:
-        ask(session, "Do this?")
+        ask(session, "Run this plan?")
     return report_end(session, apply_and_show(session, plan, hosts.folder, how), before=finished)
 
 

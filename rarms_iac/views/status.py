@@ -50,8 +50,8 @@ def status_text(overview: Overview) -> "RenderableType":
     if overview.problems and all(each.achievement is Achievement.PROVISIONAL for each in unknown):
         parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))
     if overview.unused_logs:
-        logs = counted(overview.unused_logs, "data log")
-        parts.append(paragraph(f"{logs} for loads that are not in use, stale.", start="Unused: "))
+        logs = counted(overview.unused_logs, "stale data log")
+        parts.append(paragraph(f"{logs} for loads that are not in use.", start="Unused: "))
     if overview.unknown:
         parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be read.", start="Unknown: "))
     if at_work := describe_holders(overview.hosts):

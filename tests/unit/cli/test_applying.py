@@ -27,7 +27,7 @@ def answered(text: str) -> Session:
     session = a_session()
     before, sys.stdin = sys.stdin, io.StringIO(text)
     try:
-        ask(session, "Do this?")
+        ask(session, "Run this plan?")
     finally:
         sys.stdin = before
     return session
@@ -37,7 +37,7 @@ def test_only_a_yes_goes_on() -> None:
     session = answered("yes\n")
 
     assert isinstance(session.terminal.err, io.StringIO)
-    assert session.terminal.err.getvalue() == "\nDo this? Type `yes` to confirm: "
+    assert session.terminal.err.getvalue() == "\nRun this plan? Type `yes` to confirm: "
 
 
 class Interrupting(io.RawIOBase):
@@ -54,7 +54,7 @@ def test_an_interrupted_question_says_that_nothing_was_changed() -> None:
     before, sys.stdin = sys.stdin, io.TextIOWrapper(io.BufferedReader(Interrupting()), encoding="utf-8")
     try:
         with pytest.raises(UseCaseError) as interrupted:
-            ask(a_session(), "Do this?")
+            ask(a_session(), "Run this plan?")
     finally:
         sys.stdin = before
 

@@ -454,7 +454,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "it is measured": (
         given(MEASURED, logs(vision=45)),
-        Ask("report", "`rarms plan` shows the changes, `rarms apply` does it", ("plan", "apply"), in_view=True),
+        Ask("report", "`rarms plan` shows the changes, `rarms apply` makes them", ("plan", "apply"), in_view=True),
         Ask("measure --interactive", "Omit --interactive. Afterwards choose a level:", "select COMPONENT --at LEVEL"),
     ),
     "one of two components is measured": (

@@ -458,7 +458,7 @@ def test_deadline_needs_first_thread_and_all_processors(linux_folder: Path) -> N
     tree = groups_of(linux_folder)
     tree.write("vision", replace(tree.read("vision"), processors=(0,)))
     refused = rarms("run", "-f", str(linux_folder), "--samples", "2")
-    assert "the kernel refuses SCHED_DEADLINE to a thread that may not run on all" in refused.err
+    assert "The kernel refuses SCHED_DEADLINE to a thread that may not run on all processors" in refused.err
 
 
 @pytest.mark.needs("control-groups")

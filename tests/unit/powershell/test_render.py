@@ -269,7 +269,7 @@ def test_head_says_waits_and_downtime() -> None:
         "speech": "until it has started, at most 120 s to stop",
     }
     (waits,) = (line for (line, *_) in head if line.startswith("Time: "))
-    assert "It waits at most 240 s while guests stop" in waits
+    assert "The script waits at most 240 s while guests stop" in waits
     (at_the_end,) = re.findall(r"at most (\d+) s at the end", waits)
     assert f"$settled = [DateTime]::UtcNow.AddMilliseconds({at_the_end}000)" in shipped_module()["Rarms.psm1"]
 

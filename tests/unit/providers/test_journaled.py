@@ -215,7 +215,7 @@ def test_garbage_of_a_robot_is_named(program: str, message: str) -> None:
 def test_more_than_64_mib_are_not_sent() -> None:
     error = error_of("raise SystemExit(1)", "x" * LINE_LIMIT)
 
-    assert f"at most {LINE_LIMIT:,} are sent" in error.message
+    assert f"the limit is {LINE_LIMIT:,}" in error.message
 
 
 @pytest.mark.needs("posix")
