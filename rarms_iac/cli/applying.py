@@ -49,8 +49,8 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
         advice = f" Apply it with: {words}" if plan.has_changes else ""
         if not plan.accepts_provisional and any(host.needs_consent for host in plan.hosts):
             advice = (
-                " It sets provisional reservations, so `rarms apply` will refuse it: measure, or plan again with "
-                "--accept-provisional."
+                " It sets provisional reservations, so `rarms apply` will refuse it. Run `rarms measure`, "
+                "or plan again with --accept-provisional."
             )
     session.terminal.tell(f"Wrote the plan to {path}.{advice}")
 

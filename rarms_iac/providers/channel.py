@@ -354,7 +354,7 @@ def one_command_only(host: str) -> HostFailed:
     """Return the refusal to talk with what runs on a host, through a channel that runs one command."""
     return HostFailed(
         host,
-        "measuring needs a continuous connection to the host, but its channel runs one command at a time",
+        "measuring needs a continuous connection to the host, but this connection runs one command at a time",
         "Run rarms on the host itself, or connect to it with ssh.",
     )
 

@@ -221,7 +221,8 @@ def _summary(report: DriftReport) -> str:
     if not changed and not waiting:
         extra = f" {counted(unused, 'partition')} unused." if unused else ""
         if not any(host.is_written for host in report.hosts):
-            return f"No drift. Nothing of {report.application} is on {in_a_row([host.name for host in report.hosts])}."
+            hosts = in_a_row([host.name for host in report.hosts])
+            return f"No drift. No resource of {report.application} exists on {hosts}."
         wanted = "" if report.problems else ", and match the manifest"
         return f"No drift. The partitions of rarms are unchanged{wanted}.{extra}"
     return f"Drift: {changed} changed on the host, {waiting} not applied yet."

@@ -85,7 +85,7 @@ def _mmcss(facts: GuideFacts) -> Iterator[str]:
     yield "## MMCSS, in the Windows that its threads run in (the guest)"
     yield ""
     if facts.task is None:
-        yield "It does not have a task class. No action is needed."
+        yield "The component does not have a task class. No action is needed."
         yield ""
         return
     key = r"HKLM\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks"

@@ -110,7 +110,7 @@ def _nothing(plan: Plan) -> str:
         case Purpose.APPLY:
             return f"No changes. The {hosts} {are} as in the manifest."
         case Purpose.DESTROY:
-            return f"No changes. Nothing of this application is on the {hosts}."
+            return f"No changes. No resource of this application exists on the {hosts}."
         case Purpose.STOP:
             return "No changes. None of these partitions should be running."
         case Purpose.START:

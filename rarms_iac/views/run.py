@@ -68,7 +68,7 @@ def undo_text(undo: UndoPreview) -> "RenderableType":
             f"Undo of the {started.purpose.value} of plan {started.plan} on {undo.host}, started by "
             f"{visible(started.started_by, keep='')}. The last change is undone first:"
         ),
-        *(lines or ["  none of its steps changed anything"]),
+        *(lines or ["  no step changed anything"]),
     )
 
 

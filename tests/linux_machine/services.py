@@ -287,10 +287,10 @@ def refused(host: LinuxMeasuringHost, service: str) -> str:
 def test_services_that_cannot_be_held_are_refused(tested: Path) -> None:
     host = the_host(tested)
     with running_service("nav2@1"), running_service("priority", "CPUSchedulingPolicy=fifo", "CPUSchedulingPriority=5"):
-        assert "the service nav2.service does not run, but its instance nav2@1.service does" in refused(host, "nav2")
+        assert "the service nav2.service is not running, but its instance nav2@1.service is" in refused(host, "nav2")
         assert refused(host, "nav2@1") == ""
         assert "has SCHED_FIFO" in refused(host, "priority")
-        assert "the service nobody.service does not run" in refused(host, "nobody")
+        assert "the service nobody.service is not running" in refused(host, "nobody")
         assert "contains rarms itself" in refused(host, "job")
         with running_service("nav2@2"):
             assert "several services have the name nav2: nav2@1.service, nav2@2.service" in refused(host, "nav2")

@@ -204,9 +204,9 @@ def refused(service: str) -> str:
 
 def test_services_that_cannot_be_held_are_refused() -> None:
     with running_service("nav2@1"):
-        assert refused("nav2") == "the service nav2.service does not run, but its instance nav2@1.service does"
+        assert refused("nav2") == "the service nav2.service is not running, but its instance nav2@1.service is"
         assert target("nav2@1").unit == "nav2@1.service"
-        assert refused("nobody") == "the service nobody.service does not run"
+        assert refused("nobody") == "the service nobody.service is not running"
         with running_service("nav2@2"):
             assert "several services have the name nav2: nav2@1.service, nav2@2.service" in refused("nav2")
 

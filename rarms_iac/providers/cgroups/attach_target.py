@@ -55,7 +55,9 @@ def find_target(component: str, attached: Attached, tree: GroupTree, effects: Li
 
 def _group_of_service(component: str, service: str, tree: GroupTree, effects: LinuxEffects) -> Path:
     if not SYSTEMD.is_dir():
-        raise CannotStart(component, "it is attached to a service, but systemd does not run here", "Write `command`.")
+        raise CannotStart(
+            component, "it is attached to a service, but systemd does not run here", "Set `command` instead."
+        )
     unit = unit_of(service)
     instances = f"{unit.removesuffix('.service')}@*.service"
     found = effects.output("systemctl", "list-units", "--plain", "--no-legend", "--state=active", unit, instances)
@@ -65,9 +67,9 @@ def _group_of_service(component: str, service: str, tree: GroupTree, effects: Li
         raise CannotStart(component, f"several services have the name {service}: {', '.join(units)}", advice)
     if units and units != [unit]:
         advice = f"Write `service: {units[0].removesuffix('.service')}`."
-        raise CannotStart(component, f"the service {unit} does not run, but its instance {units[0]} does", advice)
+        raise CannotStart(component, f"the service {unit} is not running, but its instance {units[0]} is", advice)
     if not units:
-        raise CannotStart(component, f"the service {unit} does not run", f"Start it: `systemctl start {unit}`.")
+        raise CannotStart(component, f"the service {unit} is not running", f"Start it: `systemctl start {unit}`.")
     path = effects.output("systemctl", "show", "--property=ControlGroup", "--value", units[0])
     return tree.folder_of(path)
 
@@ -82,7 +84,7 @@ def _group_of_container(component: str, attached: AttachedContainer, tree: Group
             component, f"{engine} does not have the container {name}: {reason_of(problem)}", advice
         ) from problem
     if not process.isdecimal() or process == "0":
-        raise CannotStart(component, f"the container {name} does not run", f"Start it: `{engine} start {name}`.")
+        raise CannotStart(component, f"the container {name} is not running", f"Start it: `{engine} start {name}`.")
     return tree.home_of(int(process))
 
 

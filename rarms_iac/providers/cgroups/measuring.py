@@ -203,7 +203,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             for component in filter(_attached, components):
                 target = self._target(component)
                 if partition and not inside.intersection(self.tree.members_below(target.group)):
-                    message = f"{target.title} does not run in the partition {partition}"
+                    message = f"{target.title} is not running in the partition {partition}"
                     parent = self.tree.parent_of_containers(groups[partition])
                     advice = f"Start it there, with `Slice={parent}` in its unit or with `--cgroup-parent {parent}`."
                     raise HostRefused(self.name, message, advice)

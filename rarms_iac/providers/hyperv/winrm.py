@@ -58,8 +58,8 @@ class ServiceChannel(LiveChannel):
         return HostFailed(
             self.host,
             (
-                "rarms cannot measure over WinRM: if rarms ends, the host does not notice and test partitions "
-                "would remain"
+                "rarms cannot measure over WinRM: the host cannot detect the end of rarms, so test partitions "
+                "could remain"
             ),
             "To measure, connect with ssh (`connect: {ssh: user@host}`), or run rarms on the host itself.",
         )

@@ -586,7 +586,7 @@ OTHER_TESTS = {
 NOT_RECOMMENDED = (
     "Measuring, proving and `rarms run` need it.",
     "so `rarms apply` will refuse it. Set RARMS_PLAN_KEY",
-    "so `rarms apply` will refuse it: measure, or plan again",
+    "so `rarms apply` will refuse it. Run `rarms measure`, or plan again",
     "`rarms apply` runs the steps directly",
     "The longest time for a proof (`rarms prove`) with all of its loads.",
     "All components together, from the last `rarms prove`:",

@@ -72,7 +72,7 @@ def test_unwritten_host_is_not_called_unchanged() -> None:
     empty = replace(host.seen, state=replace(host.seen.state, partitions=()))
     untouched = replace(report, hosts=(replace(host, seen=empty),))
 
-    assert render(drift_text(untouched)) == "No drift. Nothing of robot is on onboard.\n"
+    assert render(drift_text(untouched)) == "No drift. No resource of robot exists on onboard.\n"
 
 
 def test_drift_says_what_differs_and_who_moved() -> None:

@@ -36,7 +36,9 @@ def shown_alone(change: Change, *, verbose: bool = False) -> list[str]:
 
 def test_no_changes_is_one_line() -> None:
     assert lines_of(plan()) == ["No changes. The host is as in the manifest."]
-    assert plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing of this application is on the host."
+    assert (
+        plan_summary(plan(purpose=Purpose.DESTROY)) == "No changes. No resource of this application exists on the host."
+    )
 
 
 def test_new_partition_is_one_line() -> None:
