@@ -25,8 +25,8 @@ class IntruderChange:
     reserve: int | None = option(
         "--reserve", metavar="PERCENT", least=0, most=100, help="Set this reserve, of each processor."
     )
-    running: bool | None = option("--on/--off", help="Start it, or turn it off.")
-    is_removed: bool = flag("--remove", help="Turn it off and remove it.")
+    running: bool | None = option("--on/--off", help="Start the partition, or turn it off.")
+    is_removed: bool = flag("--remove", help="Turn the partition off and remove it.")
 
 
 def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:

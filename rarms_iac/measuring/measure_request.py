@@ -67,7 +67,7 @@ class MeasureRequest:
     interference: tuple[str, ...] = option(
         "--interference",
         metavar="NAME",
-        help="Measure with this load; repeatable. [default: as the manifest says]",
+        help="Measure with this load; repeatable. [default: as in the manifest]",
         default=(),
     )
     samples: int | None = samples_option()

@@ -152,7 +152,7 @@ class StudioOptions:
     no_open: bool = flag(
         "--no-open", help="Print the address instead of opening a browser. The address works in one browser only."
     )
-    read_only: bool = flag("--read-only", help="Read only: do not change anything.")
+    read_only: bool = flag("--read-only", help="Do not change anything.")
 
 
 @rarms_command("studio", json=False)
