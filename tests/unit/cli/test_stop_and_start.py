@@ -50,7 +50,7 @@ def test_stopped_partition_stays_off_without_drift() -> None:
 
     assert stopped.code == 0
     assert "\nStopping by plan " in f"\n{stopped.err}"
-    assert "\nonboard: Stop by plan " in f"\n{stopped.out}{stopped.err}"
+    assert "\nStopped on onboard: " in f"\n{stopped.out}{stopped.err}"
     assert running() == ["speech"]
     planned, drifted = rarms("plan"), rarms("drift")
     assert (planned.code, drifted.code) == (0, 0)
