@@ -95,7 +95,7 @@ def _refuse_off(states: Mapping[str, State], application: str, wanted: Collectio
         if partition.mark and partition.mark.name in wanted and not partition.settings.running
     )
     if off:
-        advice = prose("Start them, and prove again: ", command("start", *off), ".")
+        advice = prose("Start them: ", command("start", *off), ". Then run the same command again.")
         finding = findings.NOT_APPLIED.at(
             None,
             "These partitions are not running: {partitions:each}.",

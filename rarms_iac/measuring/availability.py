@@ -125,27 +125,27 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     host = experiment.host.name
     if available.running and not session.on_busy_host:
         running = tuple(partition.shown_name for partition in available.running)
-        template = "These run on {host} and would change the measurement: {_names}."
-        advice = "Stop them on the host. To measure anyway, give --on-busy-host; the log records it."
+        template = "Running partitions on {host} would change the measurement: {_names}."
+        advice = "Stop these partitions. To measure anyway, add --on-busy-host; the data log records it."
         finding = OCCUPIED.of_host(host, template, advice, partitions=running, _names=", ".join(running))
         raise UseCaseError(Outcome.REFUSED, [finding])
     if is_of_paper(method) and not available.resources.unreserved:
-        template = "A part of the processors of {host} is kept for the host or reserved by other machines."
-        advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
+        template = "Some processor time of {host} is reserved for the host or for other machines."
+        advice = "Use the default strategy. Or stop other machines and set `keep_for_host: { processor: 0 % }`."
         raise UseCaseError(Outcome.REFUSED, [OCCUPIED.of_host(host, template, advice)])
     asked_reserve = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or asked_reserve > available.highest_reserve:
         advice = "Stop other machines, lower keep_for_host, or give the component less memory."
         if available.highest_reserve:
             advice = (
-                f"Measure up to there: `--to {available.highest_reserve}%`. Or stop other machines, or lower "
+                f"Limit the measurement: `--to {available.highest_reserve}%`. Or stop other machines, or lower "
                 "keep_for_host."
             )
         finding = OCCUPIED.of_host(
             host,
             (
-                "{host} can give P1, the partition of {_experiment}, at most {highest_reserve_percent} % of "
-                "each of its {processors} processors, because P2, the partition of the load, also needs memory."
+                "P1, the partition of {_experiment}, can get at most {highest_reserve_percent} % of each of its "
+                "{processors} processors on {host}. P2, the partition of the load, also needs memory."
             ),
             advice,
             highest_reserve_percent=available.highest_reserve,

@@ -49,10 +49,7 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
         return ""
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
-        return (
-            f"the machine below this one took {100 * stolen:.1f} % of the processor time; at most {100 * STOLEN:.0f} "
-            "% is allowed"
-        )
+        return f"steal time was {100 * stolen:.1f} % of the processor time; at most {100 * STOLEN:.0f} % is allowed"
     if change := speed_change(evidence.speeds, are_busy=load is not None):
         return change
     if load is None:
@@ -60,7 +57,7 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
     p1, p2 = (time / evidence.elapsed_ms for time in (evidence.cpu_ms.get(P1, 0.0), evidence.load_cpu_ms))
     beyond_reserve = max(0.0, p1 - float(load.others))
     if p2 + beyond_reserve < load.processors - SHORT * processors:
-        return f"the load in P2 got {p2:.2f} LP of the {float(load.processors):.2f} LP that are reserved for it"
+        return f"the load in P2 got {p2:.2f} LP of its reserved {float(load.processors):.2f} LP"
     return ""
 
 

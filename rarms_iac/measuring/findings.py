@@ -49,14 +49,11 @@ NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achieva
 NOT_RESOLVED = Finding.error("RARMS111", "The samples do not show whether a threshold is met")
 NO_STEADY_STATE = Finding.error("RARMS112", "A component reaches no steady state")
 NOT_APPLIED = Finding.error("RARMS119", "The layout is not on the host")
-STILL_STOPPED = Finding.error("RARMS269", "Partitions that were stopped to measure could not be started")
+STILL_STOPPED = Finding.error("RARMS269", "Partitions did not start again after a measurement")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a measured reservation")
 LESS_UNKNOWN = Finding.warning("RARMS267", "A smaller reservation may be enough; it had no steady state")
 
-NO_MORE_CPU = (
-    "More CPU time does not help, because its jobs wait for something else. Give them a longer "
-    "period, or shorten that wait."
-)
+NO_MORE_CPU = "More CPU time does not help: the jobs wait for something else. Increase the period, or shorten the wait."
 """The advice to a component that falls behind on all processors."""
 
 MORE_MEMORY = "Raise `memory` of the component or of its partition, and try again."
@@ -103,7 +100,7 @@ def failed_samples(
     """
     component, count = failed.component, len(failed.failures)
     reasons = "; ".join(dict.fromkeys(failed.failures[:SHOWN_FAILURES]))
-    run_alone = prose("Run it alone and correct it: ", command("run", component), ". ")
+    run_alone = prose("Run the component alone and correct the cause: ", command("run", component), ". ")
     allow = f"Or allow failed samples: `run: {{ failures: {count} }}`."
     return FAILURES.at(
         places.key("components", component),
@@ -127,7 +124,7 @@ def failed_samples(
 def why_out_of_memory(killed: int) -> str:
     """Say that the kernel killed so many processes of a component; empty: it killed none."""
     processes = "1 process" if killed == 1 else f"{killed} processes"
-    why = f" The kernel killed {processes} of its partition, because the partition's memory was used up."
+    why = f" The kernel killed {processes} of its partition, because the partition ran out of memory."
     return why if killed else ""
 
 
@@ -177,10 +174,12 @@ def _not_achievable(
     experiment: Experiment, reserve: ReservePercent, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     last = [setting for setting in settings if setting.reserve == reserve][-1:]
-    most = "" if reserve == 100 else f" {experiment.host.name} cannot give it more than {reserve} % of its VPs now."
-    first, last_resort = "Relax the threshold (", "make the component cheaper, or use a faster platform."
-    if most:
-        first = "Free processors on the host, or relax the threshold ("
+    most = (
+        ""
+        if reserve == 100
+        else f" {experiment.host.name} cannot give the component more than {reserve} % of its VPs now."
+    )
+    otherwise = "free processors on the host" if most else "make the component cheaper, or use a faster platform"
     for setting in last:
         waiting = _waits_elsewhere(setting, experiment)
         indexes = measured_indexes(setting, experiment)
@@ -190,13 +189,13 @@ def _not_achievable(
             several = len(experiment.apts[measured.component]) > 1
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
-                "{component} at {reserve_percent} % of its VPs: {_measured}, and its threshold is {_asked}.{_most}",
+                "{component} at {reserve_percent} % of its VPs: {_measured}; the threshold is {_asked}.{_most}",
                 NO_MORE_CPU
                 if not helps
                 else prose(
-                    first,
+                    "Relax the threshold: ",
                     command("select", measured.component, at="LEVEL", index=several and measured.index),
-                    f" shows the levels that can be met){'.' if most else f', {last_resort}'}",
+                    f". Or {otherwise}.",
                 ),
                 address=f"component/{measured.component}",
                 reserve_percent=reserve,
@@ -260,7 +259,7 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
     series = highest.series if highest else ()
     there = min((len(each.samples) for each in series if end.member in ("", each.component)), default=0)
     taken = counted(there, "sample") + (f" of {end.member}" if end.member and len(series) > 1 else "")
-    move_away = f"Change the threshold: the measured value is so close that {MOST_SAMPLES} samples would not be enough."
+    move_away = f"Change the threshold. The measured value is too close to decide with {MOST_SAMPLES} samples."
     if end.more_settings:
         more = counted(end.more_settings, "setting")
         return f"Run the same command to continue with up to {more} more.", {"more_settings": end.more_settings}
@@ -269,19 +268,19 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
     if end.ends_at_until:
         many = min(MOST_SAMPLES, end.samples or 10 * there)
         again = command("measure", *experiment.setup.members, strategy="paper", again=True, samples=many)
-        longer = prose(f"`run.until` ended the setting after {taken}. Take more: ", again, ".")
+        longer = prose(f"`run.until` ended the setting after {taken}. Take more samples: ", again, ".")
         return longer, {"samples": there}
     spent = show_duration(highest.host_ms)
     if end.samples is not None:
         takes_ms = highest.host_ms * end.samples / there
         advice = (
-            f"{taken} were taken in {spent}. About {end.samples} are needed, {show_duration(takes_ms)} a "
-            f"setting. Allow more time: {_setting_budget(1.5 * takes_ms, experiment)}."
+            f"{taken} took {spent}. The threshold needs about {end.samples} samples, {show_duration(takes_ms)} "
+            f"per setting. Allow more time: {_setting_budget(1.5 * takes_ms, experiment)}."
         )
         return advice, {"samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
     if there < MOST_SAMPLES:
         advice = (
-            f"{taken} were taken in {spent}. The number that is needed is not known yet. Allow more time: "
+            f"{taken} took {spent}. The necessary number is not known yet. Allow more time: "
             f"{_setting_budget(3 * highest.host_ms, experiment)}."
         )
         return advice, {"samples": there}
@@ -299,7 +298,7 @@ def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
     if setting is None or setting.host_ms >= (budget_ms := experiment.budget.at(setting.reserve)):
         return ""
     took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)
-    return f" The setting ended after {took} of at most {may_take}: more time would probably not have helped."
+    return f" The setting ended after {took} of at most {may_take}. More time would probably not help."
 
 
 def _or_more_time(setting: Setting, experiment: Experiment) -> str:
@@ -328,14 +327,12 @@ def _less_unknown(
     highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]
     more_time = _or_more_time(highest[-1], experiment)
-    pronoun = "it" if len(end.inconclusive) == 1 else "they"
-    lowest = f"; {end.failed} % of them is too little" if end.failed else ""
+    lowest = f"; {end.failed} % is too little" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
         (
-            "{experiment}: {reserve_percent} % of its VPs is enough{_lowest}. {unsteady_percent:all} % was "
-            "not judged, because {_pronoun} did not reach a steady state ({component} at {_reserve} % of "
-            "its VPs: {reason})."
+            "{experiment}: {reserve_percent} % of its VPs is enough{_lowest}. rarms did not judge "
+            "{unsteady_percent:all} %. {component} at {_reserve} % of its VPs: {reason}."
         ),
         f"Check {component} for a growing queue{more_time}. It is safe to ignore this.",
         address=f"component/{experiment.members[0].name}",
@@ -345,7 +342,6 @@ def _less_unknown(
         unsteady_percent=tuple(map(str, end.inconclusive)),
         experiment=experiment.name,
         _lowest=lowest,
-        _pronoun=pronoun,
         component=component,
         _reserve=reserve,
         reason=reason,
@@ -403,8 +399,8 @@ def more_processors(experiment: Experiment, used: int, places: Places) -> Diagno
     processors = experiment.setup.processors
     return VPS_USED.at(
         places.key("components", experiment.members[0].name),
-        "{components:all} used {used_processors} processors at once, more than the {processors:VP} with which it was "
-        "measured so far. Its settings are measured again, with {used_processors:VP}.",
+        "{components:all} used {used_processors} processors at once; earlier measurements used {processors:VP}. "
+        "rarms measures again with {used_processors:VP}.",
         f"No action is needed. To measure with {processors} anyway, write `processors: {processors}`.",
         address=f"component/{experiment.members[0].name}",
         components=tuple(experiment.setup.members),

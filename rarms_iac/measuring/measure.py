@@ -119,7 +119,7 @@ def measure_components(
     if any(hosts.robot(name) for name in hosts.chosen):
         if prompt is not None:
             raise RequestError(
-                "A robot cannot ask questions while it measures.",
+                "--interactive does not work on a robot.",
                 prose(
                     "Omit --interactive. Afterwards choose a level: ", command("select", "COMPONENT", at="LEVEL"), "."
                 ),
@@ -343,7 +343,7 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
             name = experiment.host.name
             host = hosts.open_to_measure(name)
             if not isinstance(host, ScriptedMeasuringHost):
-                message = f"{experiment.name} is measured on {name}, which does not use scripts. Only Hyper-V hosts do."
+                message = f"rarms measures {experiment.name} on {name} without scripts. Only Hyper-V hosts use scripts."
                 raise RequestError(message)
             resources = host_resources(experiment.host, host.observe(), experiment.application)
             in_parts = experiment if has_one_p2(method) else in_load_parts(experiment, resources)

@@ -27,7 +27,7 @@ def messages_of_evidence(evidence: Sequence[SettingEvidence], places: Places) ->
             yield SIMULATED_TIME.at(
                 place,
                 "{component}: use_sim_time is set, but rarms measures response times with the clock of this machine.",
-                "Play bags at their own rate. Set use_sim_time to false to measure with the robot's sensors.",
+                "Play bags at their recorded rate. Set use_sim_time to false to measure with the robot's sensors.",
                 address=f"component/{component}",
                 component=component,
             )

@@ -86,7 +86,7 @@ def proof_findings(
                 facts |= ways.facts
             yield finding.at(
                 hosts.manifest.places.value("components", measured.component, "apt", measured.index),
-                "{component} on {host}{_with_load}: {_measured}, and its threshold is {_asked}.",
+                "{component} on {host}{_with_load}: {_measured}; the threshold is {_asked}.",
                 advice,
                 address=f"component/{measured.component}",
                 host=proof.host,
@@ -107,7 +107,7 @@ def _finding_of(verdict: IndexVerdict, ways: WaysOut, more_samples: Wording) -> 
         case WithinNoise():
             return NOT_RESOLVED, _TOO_NEAR
         case TooFewSamples():
-            return NOT_RESOLVED, f"{MOST_SAMPLES:,} samples would not be enough: relax the threshold."
+            return NOT_RESOLVED, f"{MOST_SAMPLES:,} samples would not be enough. Relax the threshold."
         case TooManyFailures():
             return (
                 NOT_RESOLVED,
@@ -120,8 +120,8 @@ def _finding_of(verdict: IndexVerdict, ways: WaysOut, more_samples: Wording) -> 
 
 
 _TOO_NEAR = (
-    "The measured value is too close to the threshold for any number of samples. Raise its "
-    "reservation, or relax its APT."
+    "The measured value is too close to the threshold. More samples do not help. Raise the reservation, or relax "
+    "the threshold."
 )
 
 
@@ -132,7 +132,7 @@ def _more_samples(proofs: Sequence[LayoutProof], *, load_host: bool) -> Wording:
     return prose(
         f"Take about {many} samples of each component, in about {takes}: ",
         command("prove", samples=many, load_host=load_host),
-        ". Or raise its reservation.",
+        ". Or raise the reservation.",
     )
 
 
@@ -151,7 +151,7 @@ def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
     if ways.holds is not None:
         sentences.append(f"A threshold of {show_threshold(index_named(measured.index), ways.holds)} was met.")
     again = command("measure", measured.component, again=True, stop_partitions=True)
-    return prose(" ".join(sentences), " Or measure what it needs: ", again, ".")
+    return prose(" ".join(sentences), " Or measure the reservation again: ", again, ".")
 
 
 def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:

@@ -119,7 +119,7 @@ class ExperimentListener(RobotReports):
         came = text.encode("utf-8")
         self.came_bytes += len(came)
         if self.came_bytes > MOST_BYTES:
-            raise NotDecodable("text", f"logs of more than {MOST_BYTES:,} bytes came")
+            raise NotDecodable("text", f"the logs have more than {MOST_BYTES:,} bytes")
         self.known[path] = before[:known_bytes] + came
         add_measurements(self.hosts.folder, path.partition("/")[0], {path: self.known[path]})
 
@@ -205,8 +205,8 @@ def _folder_there(hosts: Hosts, host: str) -> str:
         return hosts.folder.resolve().as_posix()
     if isinstance(connect, Connect) and connect.folder is not None:
         return connect.folder
-    template = "The manifest does not have the folder with the components' files on {host}."
-    advice = "Copy the manifest's folder there, and write its path: `connect: { folder: /opt/robot }`."
+    template = "The folder of the components' files on {host} is not in the manifest."
+    advice = "Copy the manifest's folder to the host, and set its path: `connect: { folder: /opt/robot }`."
     place = hosts.manifest.places.value("hosts", host, "connect")
     finding = UNABLE.of_host(host, template, advice, place=place)
     raise UseCaseError(Outcome.FAILED, [finding], hosts.manifest.sources)

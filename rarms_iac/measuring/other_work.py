@@ -69,9 +69,9 @@ def work_of_evidence(
     if escaped:
         yield WORK_OUTSIDE.at(
             places.key("components", names[0]),
-            "Processes of {_left} left their control group: {_processes:;}. The reservation does not reach them.",
-            'Start the work in the partition: a container with --cgroup-parent "$RARMS_CGROUP_PARENT", a unit of '
-            "systemd with --slice.",
+            "Processes of {_left} left their control group: {_processes:;}. The reservation does not apply to them.",
+            'Start the work in the partition. Use --cgroup-parent "$RARMS_CGROUP_PARENT" for a container and --slice '
+            "for a systemd unit.",
             **_facts_of_work(names, escaped),
             _left=in_a_row(sorted({work.component for work in escaped})),
         )
@@ -79,8 +79,8 @@ def work_of_evidence(
         yield BUSY_HOST.at(
             places.key("components", names[0]),
             "While {_names} ran, other programs used more processor time: {_processes:;}.",
-            "Nothing, if they work for others: the reservation holds against them. If one of them does the work of "
-            f"{in_a_row(names)}, start it in the same partition.",
+            f"If one of these programs does the work of {in_a_row(names)}, start it in the same partition. "
+            "Otherwise no action is needed.",
             **_facts_of_work(names, others),
             _names=in_a_row(names),
         )
@@ -120,9 +120,9 @@ def _threads_without_priority(component: str, seen: ThreadsSeen, places: Places)
     return THREADS.at(
         places.value("components", component, "task"),
         "{component}:{_sentences}",
-        "Correct `threads`: the kernel keeps 15 characters of a name, and shows it in /proc/PID/task/*/comm."
+        "Correct `threads`. The kernel keeps 15 characters of a name; see /proc/PID/task/*/comm."
         if seen.unmatched
-        else "Run rarms as root, and leave the group a real-time budget (docs/task-classes.md).",
+        else "Run rarms as root, and give the control group a real-time budget: docs/task-classes.md.",
         address=f"component/{component}",
         component=component,
         unmatched=seen.unmatched,
@@ -151,9 +151,12 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
             low, high = min(series_at), max(series_at)
             yield WORK_OUTSIDE.at(
                 places.key("components", name),
-                "{component} used {_shown} of processor time in each second of response time, and its "
-                "response times are the same at {lowest} % and at {highest} % of its VPs.",
-                prose("Find out where its work runs. A reservation does not help if it waits for another machine."),
+                "{component} used {_shown} of processor time per second of response time. Its response times at "
+                "{lowest} % and at {highest} % of its VPs are the same.",
+                prose(
+                    "Find the program or machine that does the work. A reservation does not help a component "
+                    "that waits for another machine."
+                ),
                 address=f"component/{name}",
                 component=name,
                 cpu_ms_per_second=use * 1000,
@@ -212,7 +215,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     """
     shared = shared_processors(host, host.logical_processors)
     whole_ms = evidence.elapsed_ms * float(shared)
-    idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)}."
+    idle = f"{load} left {100 * idle_share(evidence, shared):.0f} % of {show_processors(shared)} idle."
     had = [
         f"{work.name}{f' in {work.group}' if work.group.strip('/') else ''} used {100 * work.cpu_ms / whole_ms:.0f} %"
         for work in evidence.others
@@ -225,7 +228,7 @@ def describe_idle(load: str, evidence: SettingEvidence, host: Host) -> str:
     ]
     reasons = [f"Of {show_processors(shared)}, {in_a_row(had)}."] if had else []
     reasons += [f"{reason[0].upper()}{reason[1:]}." for reason in limits]
-    return " ".join((idle, *(reasons or ["Neither another process nor a limit was the cause: the load was waiting."])))
+    return " ".join((idle, *(reasons or ["The load was waiting. Neither another process nor a limit was the cause."])))
 
 
 def weak_answer(
@@ -254,15 +257,15 @@ def weak_answer(
     return WEAK_ANSWER.at(
         hosts.manifest.places.key("components", members[0]),
         (
-            "{loads:all} {_verb} not use all the processor time that {components:all} left free on "
+            "{loads:all} {_verb} use all the processor time that {components:all} left free on "
             "{host}.{_idle_loads} The reservation may be too small with other loads."
         ),
-        prose(advice, " Or accept it: --weak-load."),
+        prose(advice, " Or accept the result: --weak-load."),
         address=f"component/{members[0]}",
         components=tuple(members),
         loads=loads,
         host=host.name,
-        _verb="did" if idle_loads else "can",
+        _verb="did not" if idle_loads else "cannot",
         _idle_loads=idle_loads,
         **facts,
     )

@@ -121,7 +121,7 @@ def prove_layout(
             planned, a log is damaged, or too many samples failed (negative); no host can run components (failed).
     """
     if request.interference and request.without_load:
-        raise RequestError("--without-load and --interference exclude each other.")
+        raise RequestError("--without-load cannot be combined with --interference.")
     refuse_unknown(request.interference, hosts.system.interference, "interference")
     names = _measurable_hosts(hosts)
     if any(hosts.robot(name) for name in names):

@@ -49,8 +49,8 @@ CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
 
 _WHY_SAMPLES_FAIL = (
-    "Check its standard error, and whether `run.samples` fits its output. It must write each line "
-    "at once (flush). `run.failures` allows failed samples. With a `success_rate` in the APT, a job "
+    "Check the standard error of the component, and compare `run.samples` with its output. The component must "
+    "flush each line. `run.failures` allows failed samples. With a `success_rate` in the APT, a job "
     "of `per_run` may end with any exit code."
 )
 
@@ -215,11 +215,13 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
             finding = load_problem(name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except UnreadableFile as problem:
-        advice = "Compare it with the kernel's documentation. A tool may have mounted a file over it."
+        advice = "Compare the file with the kernel's documentation. A tool may have mounted another file over it."
         finding = CANNOT_RUN.at(None, "{reason}.", advice, reason=str(problem))
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_RUN.at(None, "{reason}.", "Another program ended it. Run it again.", reason=str(problem))
+        finding = CANNOT_RUN.at(
+            None, "{reason}.", "Another program ended it. Run the same command again.", reason=str(problem)
+        )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     for result in results:
         reserved = places[result.component.name] != ProcessPlace()
@@ -243,7 +245,7 @@ def run_components_of(
     if not robots:
         return run_components(hosts.manifest, request, reporter)
     if len(robots) > 1:
-        advice = prose("Choose one of them: ", command("run", *request.components, host=robots[0]), ".")
+        advice = prose("Choose one host: ", command("run", *request.components, host=robots[0]), ".")
         raise RequestError(f"Components can run on {in_a_row(robots)}.", advice)
     chosen = [component.name for component, _ in _chosen(hosts.manifest, request)]
     loads = () if request.interference is None else (request.interference,)
@@ -262,7 +264,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     """
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
     if sys.platform == "win32" or isinstance(run.start, Call | AttachedService | AttachedContainer):
-        raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
+        raise RequestError(f"--exec needs a `command` on Linux or a similar system. Run {name} without --exec.")
     context = StartContext(
         base=manifest.code_folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
     )
@@ -395,18 +397,18 @@ def findings_of_run(
         busy = _describe_others(result, load)
         yield MISSED_UNRESERVED.at(
             places.key("components", name, "apt", index),
-            "{component} misses its {index} without a reservation. {_others}",
+            "{component} misses its threshold for {index} without a reservation. {_others}",
             prose(
                 "Measure whether a reservation helps: ",
                 command("measure", name),
-                ". Or free the computer, and run it again.",
+                ". Or stop other programs, and run the component again.",
             )
             if busy
-            else "Relax the threshold, make the component faster, or run it on the machine that it is meant for.",
+            else "Relax the threshold, make the component faster, or run it on the target machine.",
             address=f"component/{name}",
             component=name,
             index=index,
-            _others=busy or "On a computer that does nothing else, a reservation would not help.",
+            _others=busy or "Other programs used little processor time, so a reservation would not help.",
         )
 
 
@@ -420,14 +422,14 @@ def _describe_others(result: ComponentRunResult, load: str | None) -> str:
     A container or a service is not separated from other programs here.
     """
     if load is not None:
-        return f"The load {load} ran meanwhile: a reservation may help."
+        return f"The load {load} ran at the same time. A reservation may help."
     elapsed_ms = result.evidence.elapsed_ms
     others_ms = sum(work.cpu_ms for work in result.evidence.others if work.name != "rarms")
     if others_ms < _LEAST_OTHERS * elapsed_ms:
         return ""
     return (
-        f"Other programs used {show_duration(others_ms)} of processor time in the {show_duration(elapsed_ms)} of the "
-        "run: a reservation may help."
+        f"During the run of {show_duration(elapsed_ms)}, other programs used {show_duration(others_ms)} of "
+        "processor time. A reservation may help."
     )
 
 
@@ -439,7 +441,7 @@ def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:
         '"{component}" cannot be started: {reason}.',
         problem.advice
         or (
-            "Files in `run.command`, and `run.folder`, are relative to the manifest; rarms searches "
+            "`run.folder` and the files in `run.command` are relative to the manifest. rarms searches for "
             "programs on the PATH. A module of `run.call` is relative to the manifest's folder."
         ),
         address=f"component/{name}",
@@ -456,8 +458,9 @@ def load_problem(name: str, message: str) -> Diagnostic:
     """
     return CANNOT_RUN.at(
         None,
-        'The load "{interference}" does not run: {reason}.',
-        "Start its program by hand. Browsers need chromium or a browser based on it on the PATH.",
+        'The load "{interference}" cannot be started: {reason}.',
+        "Start its program by hand to see the error. A browser load needs Chromium, or a browser based on "
+        "Chromium, on the PATH.",
         address=f"interference/{name}",
         interference=name,
         reason=message,

@@ -305,7 +305,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
             advice = prose(
-                "Add one, or measure chosen settings: ",
+                "Add an `apt`, or measure chosen settings: ",
                 command("measure", member.name, from_="10%", to="100%"),
                 ".",
             )
@@ -328,7 +328,7 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
     names = tuple(partition.shown_name for partition in running)
     return DIFFERENT.of_host(
         experiment.host.name,
-        "{_experiment} was measured while these ran on {host}: {_names}. The log records it.",
+        "These partitions ran on {host} during the measurement of {_experiment}: {_names}. The log records them.",
         "Measure again on a quiet host with --again.",
         partitions=names,
         _experiment=experiment.name,

@@ -96,8 +96,8 @@ class Settling:
             A clause that names the components, the LPs that they consumed and the LPs that are reserved.
         """
         return "; ".join(
-            f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP where {contender.processors:.3g} "
-            "are reserved, and the rest was only left over by others"
+            f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP with "
+            f"{contender.processors:.3g} LP reserved; the rest was unreserved processor time"
             for contender, consumed in self._excesses()
             if contender.excess_forbids_verdict
         )

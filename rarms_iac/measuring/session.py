@@ -52,9 +52,8 @@ class MeasuringSession:
 
 
 UNMODELLED_SMT = (
-    "`smt: true` changes how many logical processors a partition takes, because two of them share a "
-    "core. It does not change measurements: the simulation runs every logical processor at full "
-    "speed."
+    "`smt: true` changes the number of logical processors of a partition, but not its measurements. The "
+    "simulation runs every logical processor at full speed."
 )
 
 
@@ -84,7 +83,9 @@ def hold_measuring_hosts(session: MeasuringSession, names: Iterable[str]) -> Ite
             if isinstance(host, StepwiseMeasuringHost) and (run := host.unfinished()) is not None:
                 raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, run)])
             if removed := remove_test_partitions(host):
-                session.control.reporter.message(f"{name}: {' and '.join(removed)}. Earlier results are kept and used.")
+                session.control.reporter.message(
+                    f"{name}: {' and '.join(removed)}. rarms keeps and uses earlier results."
+                )
             held[name] = host
             settings = session.hosts.system.hosts[name].settings
             if isinstance(settings, SimulatedHost) and settings.smt:
@@ -106,9 +107,7 @@ def no_measurable_host(hosts: Hosts, advice: str) -> UseCaseError:
     """Make the error that rarms can run components on none of the chosen hosts (failed)."""
     template, names = "rarms cannot run components on these hosts: {_names}.", ", ".join(hosts.chosen)
     chosen = tuple(hosts.chosen)
-    return UseCaseError(
-        Outcome.FAILED, [UNABLE.at(None, template, advice, hosts=chosen, _names=names or "there are none")]
-    )
+    return UseCaseError(Outcome.FAILED, [UNABLE.at(None, template, advice, hosts=chosen, _names=names or "none")])
 
 
 def refuse_what_cannot_run(

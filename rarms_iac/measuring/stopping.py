@@ -57,11 +57,11 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
             [
                 OCCUPIED.of_host(
                     host.name,
-                    "These run on {host} and would change the measurement: {_names}.",
+                    "Running partitions on {host} would change the measurement: {_names}.",
                     prose(
-                        "Let ",
+                        "To stop and restart them with the measurement: ",
                         command(session.command, stop_partitions=True),
-                        " stop them and start them again afterwards. Or stop them yourself: ",
+                        ". Or stop them yourself: ",
                         command("stop"),
                         ", later ",
                         START,
@@ -94,8 +94,8 @@ def _refuse_without_return(
             OCCUPIED.of_host(
                 host.name,
                 (
-                    "These run on {host} and could not be started again after measuring: {_names}. With the current "
-                    "manifest, the host does not have room for them."
+                    "rarms could not restart these partitions on {host} after measuring: {_names}. With the "
+                    "current manifest, the host does not have room for them."
                 ),
                 prose(PLAN, " shows the cause. Correct the manifest before you measure."),
                 partitions=names,
@@ -200,7 +200,7 @@ def _start(host: StepwiseMeasuringHost, partition: Partition) -> None:
 
 
 def _still_stopped(host: str, names: tuple[str, ...], why: str = "") -> Diagnostic:
-    template = "These were stopped on {host} to measure, and could not be started: {_names}.{_why}"
+    template = "rarms stopped these partitions on {host} to measure and could not start them again: {_names}.{_why}"
     advice = prose("Correct the cause, then start them: ", command("start", *names), ".")
     return findings.STILL_STOPPED.of_host(host, template, advice, partitions=names, _names=", ".join(names), _why=why)
 

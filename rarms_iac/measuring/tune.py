@@ -239,23 +239,26 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
         correct = (
             MORE_MEMORY
             if end.lacks_memory
-            else "Correct the component's `run`, allow more `run.failures`, or keep it `apart`; then run it again."
+            else (
+                "Correct the component's `run`, allow more `run.failures`, or set `apart`. Then run the same "
+                "command again."
+            )
         )
         yield planning_findings.NO_ANSWER.at(None, "{reason}", correct, reason=end.unanswered)
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         asked = "tried" if strategy == "paper" else "allowed"
-        need = f"{reserved} must be reserved{_fixed_part(end.subject)}, the capacity is {capacity}"
-        message = f"{need}, and no {asked} combination fits."
+        need = f"The partitions need {reserved}{_fixed_part(end.subject)}; the capacity is {capacity}"
+        message = f"{need}. No {asked} combination fits."
         ways, advice = _ways_out(end.subject, strategy, places)
         if strategy == "paper" and len(candidates_of(end.subject.cois, end.subject.may_share, most=WHOLE).by_mask) > 1:
             default = _tune_again(end.subject)
-            advice = prose(advice, "\nOr let the default strategy try other combinations: ", default, ".")
+            advice = prose(advice, "\nOr try other combinations with the default strategy: ", default, ".")
         if limits := _limits_on_combining(end.subject):
-            advice = prose(advice, f"\nOr lift {limits} and tune again.")
+            advice = prose(advice, f"\nOr remove {limits} and tune again.")
         if not end.subject.cois:
             message = "The manifest fixes all reserves. They do not fit, and no components can be combined."
-            advice = prose(advice, "\nOr have a reserve measured: `cpu: { reserve: measured }`.")
+            advice = prose(advice, "\nOr use a measured reserve: `cpu: { reserve: measured }`.")
         yield planning_findings.UNABLE.at(
             places.key("hosts", end.subject.host.name),
             "{_message}",
@@ -284,8 +287,7 @@ def _fixed_part(subject: TuningSubject) -> str:
     names = [item.name for item in subject.problem.items if item.name not in tuned and least_cost(item)]
     if not names:
         return ""
-    verb = "is" if len(names) == 1 else "are"
-    return f", {show_lp_percent(subject.fixed)} of it by {list_names(sorted(names))}, which {verb} not tuned"
+    return f", {show_lp_percent(subject.fixed)} of it for {list_names(sorted(names))}, not tuned"
 
 
 def _tune_again(subject: TuningSubject, **options: str | bool) -> RecommendedCommand:
@@ -313,9 +315,9 @@ def _doubtful_compounds(end: TuningConclusion) -> Iterator[Diagnostic]:
             None,
             "{_message}. The layout is valid, but another one may be better.",
             prose(
-                "Measure the parts again (",
+                "Measure the parts again: ",
                 command("measure", *contradiction.members, again=True),
-                "), or tune with more samples: `--samples 2000`, after removing the compound's data log.",
+                ". Or remove the compound's data log, and tune with more samples: `--samples 2000`.",
             ),
             address=f"component/{contradiction.members[0]}",
             components=tuple(contradiction.members),
@@ -345,13 +347,13 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield planning_findings.RESERVATIONS.at(
         None,
-        "{_now} are reserved now; the capacity is {_capacity}.",
+        "The partitions reserve {_now}; the capacity is {_capacity}.",
         prose(
-            "Go on: ",
+            "Continue: ",
             _tune_again(end.subject, strategy="paper", repeat=True),
             ", or ",
             _tune_again(end.subject),
-            ". See the causes: ",
+            ". Show the causes: ",
             PLAN,
             ".",
         ),

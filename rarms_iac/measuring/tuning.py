@@ -273,7 +273,7 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
             [
                 planning_findings.PLATFORMS.at(
                     None,
-                    "The hosts have the platforms {platforms:each}, but measurements are valid for one.",
+                    "The hosts have the platforms {platforms:each}, but a measurement is valid for only one platform.",
                     advice,
                     platforms=tuple(platforms),
                 )
@@ -361,7 +361,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             names = ", ".join(members)
             raise Unanswered(
-                f"{names} should be measured with {reserve} % of their VPs, but the host can give only {highest} %"
+                f"A measurement of {names} needs {reserve} % of their VPs, but the host can give only {highest} %."
             )
         for experiment in self.subject.experiments(members, self.strategy, self.samples):
             if worse := self._worse_with_load(experiment, members, reserve):

@@ -106,7 +106,10 @@ def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:
     """Return the sentence on loads that run in one partition, as the host has no memory for a second one."""
-    return f"{host} has no memory for a second partition of load; one runs {in_a_row(list(dict.fromkeys(loads)))}."
+    return (
+        f"{host} does not have enough memory for a second load partition. One partition runs "
+        f"{in_a_row(list(dict.fromkeys(loads)))}."
+    )
 
 
 def describe_processors(results: Sequence[ExperimentResult]) -> str:

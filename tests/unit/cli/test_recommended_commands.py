@@ -208,14 +208,14 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("plan --target partition/sight", "(`rarms plan --verbose` lists the changes)", "plan --verbose"),
         Ask("plan --nothing", "--help` lists its options", "plan --help"),
         Ask("measure another", "--help` lists its options", "measure --help"),
-        Ask("measure speech", "Add one, or measure chosen settings", "measure speech --from 10% --to 100%"),
+        Ask("measure speech", "Add an `apt`, or measure chosen settings", "measure speech --from 10% --to 100%"),
         Ask("status", "shows the changes that are not applied yet", "plan"),
     ),
     "it is applied": (
         given(MANIFEST, "apply"),
         Ask(
             "measure vision --from 50% --to 50%",
-            "stop them and start them again afterwards",
+            "To stop and restart them with the measurement",
             ("measure --stop-partitions", "stop", "start"),
         ),
         Ask("status", "compares them with their thresholds", "prove"),
@@ -227,7 +227,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "all partitions were stopped": (
         given(MANIFEST, "apply", "stop"),
-        Ask("prove --load-host", "Start them, and prove again", "start speech vision"),
+        Ask("prove --load-host", "Start them", "start speech vision"),
     ),
     "a partition is started by hand": (
         given(ALONE.replace("components:", "partitions: { vision: { start: manual } }\ncomponents:", 1), "apply"),
@@ -237,7 +237,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(ALONE.replace("45 %", "10 %"), "apply"),
         Ask(
             "prove --load-host",
-            ("At this slowdown it needs", "Or measure what it needs"),
+            ("At this slowdown it needs", "Or measure the reservation again"),
             "measure vision --again --stop-partitions",
         ),
     ),
@@ -370,7 +370,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "no setting can be enough": (
         given(MEASURED.replace("50 ms", "5 ms")),
-        Ask("measure vision", "shows the levels that can be met)", "select vision --at LEVEL"),
+        Ask("measure vision", "Relax the threshold: ", "select vision --at LEVEL"),
     ),
     "reservations exceed the host": (
         given(MEASURED.replace("20 %", "30 %"), logs(vision=85)),
@@ -389,7 +389,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(THREE, logs(speech=60, video=60)),
         Ask(
             "tune --strategy paper",
-            ("See the causes: ", "Go on: "),
+            ("Show the causes: ", "Continue: "),
             ("tune --strategy paper --repeat", "tune", "plan"),
             may_answer=NO,
         ),
@@ -565,18 +565,18 @@ OTHER_TESTS = {
     "{boot}": "tests/unit/app/test_install.py",
     "Next: `rarms doctor`": "tests/system/test_robot.py",
     "Install this version there: ": "tests/system/test_install.py",
-    "Choose one of them: ": "tests/system/test_robot_measures.py",
+    "Choose one host: ": "tests/system/test_robot_measures.py",
     "If the host is reached over ssh, run ": "tests/unit/cli/test_every_command.py",
     # On Linux, or at another moment, what a situation says:
     "Show the changes with `rarms plan`, and apply them": "nothing is applied",
     "Run the component alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Check the host again: `rarms plan`": "another tool changed a partition",
-    "Measure the parts again (": "it was measured with what runs on the host",
+    "Measure the parts again: ": "it was measured with what runs on the host",
     "More samples may show it. ": "nothing is measured",
     "If it was changing a host, run": "an apply was killed",
     "`rarms measure` may find a smaller reservation": "tests/unit/planner/infeasibility/test_ways_out.py",
     "`run.until` ended the setting": "nothing is measured",
-    "Run it alone and correct it: ": "a component cannot run on its host",
+    "Run the component alone and correct the cause: ": "a component cannot run on its host",
     "raise the reserves until `rarms prove` passes": "it is applied",
     "`rarms apply --abandon` to leave the host as it is.": "an apply was killed",
     "to finish it, `rarms undo` to reverse it": "an apply was killed",

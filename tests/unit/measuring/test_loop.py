@@ -129,7 +129,7 @@ def test_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypat
     (setting,) = ended.settings
     assert len(bench.ran) == 2
     assert setting.evidence == replace(
-        counted(1.0), disturbances=("the load in P2 got 0.20 LP of the 1.00 LP that are reserved for it",)
+        counted(1.0), disturbances=("the load in P2 got 0.20 LP of its reserved 1.00 LP",)
     )
     assert not setting.series[0].unsettled
     assert bench.book.known.settings == (setting,)
@@ -404,7 +404,7 @@ def test_growing_use_begins_a_new_curve(
         seen = recorded()
 
     assert "RARMS380" in ran.err
-    assert "more than the 1 VP with which it was measured so far" in " ".join(ran.err.split())
+    assert "earlier measurements used 1 VP." in " ".join(ran.err.split())
     assert {processors for processors, used in seen if used == 2} == {1, 2}
     of_two = [processors for processors, _ in seen if processors == 2]
     assert len(of_two) <= 8

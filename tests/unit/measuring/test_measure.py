@@ -161,7 +161,7 @@ def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
     assert max(reserves(measured("--from", "50%", "--to", "90%", "--step", "40%"))) == 90
     above = rarms("measure", "--from", "50%")
     assert refused(above) == (4, "RARMS115")
-    assert "Measure up to there: `--to 90%`." in above.err
+    assert "Limit the measurement: `--to 90%`." in above.err
     assert refused(rarms("measure", "--from", "50%", "--to", "100%", "--step", "50%")) == (4, "RARMS115")
 
 

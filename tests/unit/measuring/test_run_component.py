@@ -123,9 +123,9 @@ def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("others", "load", "told"),
     [
-        ((("make", 4000.0), ("rarms", 9000.0)), (), "Other programs used 4 s of processor time in the "),
-        ((("make", 1.0),), (), "On a computer that does nothing else, a reservation would not help."),
-        ((), ("--interference", "busy-loop"), "The load busy-loop ran meanwhile: a reservation may help."),
+        ((("make", 4000.0), ("rarms", 9000.0)), (), "other programs used 4 s of processor time. A reservation"),
+        ((("make", 1.0),), (), "Other programs used little processor time, so a reservation would not help."),
+        ((), ("--interference", "busy-loop"), "The load busy-loop ran at the same time. A reservation may help."),
     ],
 )
 def test_miss_on_busy_machine_advises_to_measure(
@@ -429,7 +429,7 @@ def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> Non
     [
         (["vision", "--samples", "2"], 64, "--exec takes one COMPONENT"),
         ([], 64, "--exec takes one COMPONENT"),
-        (["speech"], 64, "--exec is for commands"),
+        (["speech"], 64, "--exec needs a `command`"),
         (["vision"], 1, '"vision" cannot be started'),
     ],
 )

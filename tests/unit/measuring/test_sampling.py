@@ -136,7 +136,7 @@ def test_lasting_surplus_ends_without_verdict(excess_forbids_verdict: bool) -> N
     going_on(settling, running, (PATIENCE_FACTOR + 1) * LEAST, 0.8)
 
     assert settling.is_over(running.now)
-    assert ("quick still consumed 0.8 LP where 0.5 are reserved" in settling.excess_message()) is excess_forbids_verdict
+    assert ("quick still consumed 0.8 LP with 0.5 LP reserved" in settling.excess_message()) is excess_forbids_verdict
 
 
 def test_job_that_takes_longer_is_looked_at_whole() -> None:

@@ -136,8 +136,8 @@ def test_unstartable_partition_is_an_error() -> None:
     for_programs = rarms(*SWEEP, "--json")
 
     assert (ran.code, for_programs.code) == (1, 1), ran.err
-    assert "error[RARMS269] Partitions that were stopped to measure could not be started" in ran.err
-    assert "could not be started: speech, vision." in " ".join(ran.err.split())
+    assert "error[RARMS269] Partitions did not start again after a measurement" in ran.err
+    assert "could not start them again: speech, vision." in " ".join(ran.err.split())
     assert "vision" in ran.out
     answer = json.loads(for_programs.out)
     assert (len(answer["experiments"]), answer["findings"][0]["code"]) == (1, "RARMS269")
@@ -149,7 +149,7 @@ def test_unstartable_partition_is_told_with_the_failure() -> None:
 
     assert failed.code == 4, failed.err
     assert "error[RARMS115]" in failed.err
-    assert "error[RARMS269] Partitions that were stopped to measure could not be started" in failed.err
+    assert "error[RARMS269] Partitions did not start again after a measurement" in failed.err
 
 
 def test_unreachable_host_keeps_no_other_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,7 +211,9 @@ def test_nothing_stops_without_room_to_return() -> None:
 
     assert refused.code == 3, refused.err
     assert "error[RARMS115]" in refused.err
-    assert "could not be started again after measuring: speech, vision." in " ".join(refused.err.split())
+    assert "rarms could not restart these partitions on onboard after measuring: speech, vision." in " ".join(
+        refused.err.split()
+    )
     assert machines() == RUNNING
     assert "`rarms plan` shows the cause." in refused.err
     assert "keep_for_host" in rarms("plan").err

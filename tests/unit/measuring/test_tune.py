@@ -194,7 +194,7 @@ def test_where_nothing_may_be_combined_answer_is_no(here: Path) -> None:
         assert {"paths", "vision"} <= set(values["relaxed_components"]), "each has a level with which all fits"
         for component, level in zip(values["relaxed_components"], values["relaxed_levels"], strict=True):
             assert f"{component}: mean_response_time at most {level} instead of " in ran.err
-        assert "Or lift `dedicated` and tune again." in ran.err
+        assert "Or remove `dedicated` and tune again." in ran.err
         assert "Unable to reduce total CPU reservation by combining CoIs" in ran.out
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
 
@@ -254,7 +254,7 @@ def test_fixed_reserves_may_be_measured_instead(tmp_path: Path) -> None:
     assert (ran.code, "error[RARMS305]" in said) == (4, True)
     assert "The manifest fixes all reserves. They do not fit, and no components can be combined." in said
     assert "- video reserves 20 % of host instead of 40 % of host" in said
-    assert "Or have a reserve measured: `cpu: { reserve: measured }`." in said
+    assert "Or use a measured reserve: `cpu: { reserve: measured }`." in said
 
 
 def test_protected_partition_is_never_combined_away(here: Path) -> None:

@@ -184,7 +184,7 @@ def test_after_papers_procedure_default_strategy_is_way_out(here: Path) -> None:
         (finding,) = tuning_findings(end, strategy, subject.hosts.manifest.places)
         return str(finding.advice)
 
-    assert "Or let the default strategy try other combinations: `rarms tune --host onboard`." in advice("paper")
+    assert "Or try other combinations with the default strategy: `rarms tune --host onboard`." in advice("paper")
     assert "rarms tune" not in advice("default")
 
 
