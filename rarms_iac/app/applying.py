@@ -151,7 +151,7 @@ def _refuse_elsewhere(plan: Plan) -> None:
     simulated = [part.host.name for part in plan.hosts if part.host.provider is ProviderKind.SIMULATED]
     if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
         template = (
-            "The plan was made from {manifest}, which does not exist here. The state of {hosts:each} is "
+            "The manifest of the plan, {manifest}, does not exist here. The state of {hosts:each} is "
             "next to that manifest."
         )
         advice = prose(
@@ -299,8 +299,8 @@ def changed_manifest(plan: Plan, source: ManifestSource) -> tuple[Diagnostic, ..
     files = in_a_row((source.manifest, *source.overlays), "or")
     note = MANIFEST_CHANGED.at(
         None,
-        "{_files} has changed since plan {plan} was made. The plan is applied as it was reviewed.",
-        prose("To see the changes for the manifest as it is now, run ", PLAN, "."),
+        "{_files} has changed since plan {plan} was made. rarms applies the reviewed plan.",
+        prose("To see the changes for the current manifest, run ", PLAN, "."),
         manifest=source.manifest,
         overlays=source.overlays,
         plan=plan.id,

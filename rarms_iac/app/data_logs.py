@@ -412,7 +412,7 @@ def _log_that_holds(
         return without_answer(
             planning_findings.UNMEASURED,
             "{_members} not measured on {platform} with {_load} yet ({log}).",
-            prose("Measure it: ", again, ". Or set a fixed reserve (`cpu.reserve`)."),
+            prose("Measure first: ", again, ". Or set a fixed reserve (`cpu.reserve`)."),
             _members=f"{in_a_row(members)} {'is' if len(members) == 1 else 'are'}",
             _load=load,
         )
@@ -446,7 +446,7 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
         return prose(
             "Measurements on a simulated host are never valid for a real one. Measure on this host: ",
             again.also(again=True),
-            ". Or set a fixed reserve (`cpu.reserve`). To keep its data logs apart, write `platform: NAME` in the "
+            ". Or set a fixed reserve (`cpu.reserve`). To separate the data logs, write `platform: NAME` in the "
             "overlay of the simulated host.",
         )
     return prose(
@@ -506,8 +506,8 @@ _Remark = tuple[Finding, str, Wording, Mapping[str, Given]]
 def _remarks_on_files(found: Present, cut: str) -> Iterator[_Remark]:
     if unverified := found.comparison.unverified:
         template = (
-            "{log} was measured with {_files}. Each of these files is missing here or larger than "
-            "{_most:bytes}, so it was not compared."
+            "{log} was measured with {_files}. Each of these files is missing here or larger than {_most:bytes}, "
+            "so rarms did not compare it."
         )
         advice = "To be sure, plan on a machine that has these files."
         yield NOT_VERIFIED, template, advice, _listed("files", unverified) | {"_most": MOST_BYTES}
@@ -516,7 +516,7 @@ def _remarks_on_files(found: Present, cut: str) -> Iterator[_Remark]:
         yield (
             NOT_VERIFIED,
             template,
-            "Write fewer or smaller files in `run.files`, for example one folder.",
+            "List fewer or smaller files in `run.files`, for example one folder.",
             {"reason": cut},
         )
 
@@ -540,7 +540,7 @@ def _remarks_on_conditions(used: Sequence[Recorded], found: Present, group: Grou
         )
     if running := tuple(sorted({name for recorded in used for name in recorded.provenance.beside})):
         again = _measuring(names_of(group.members)).also(again=True)
-        template = "{log} was measured while these ran on the host: {_partitions}."
+        template = "These partitions ran on the host during the measurement of {log}: {_partitions}."
         alone = prose("Measure again while nothing else runs on the host: ", again, ".")
         yield DIFFERENT, template, alone, _listed("partitions", running)
 

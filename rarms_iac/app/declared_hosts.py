@@ -105,7 +105,7 @@ LOOKED_AT = 2_000
 """Components times hosts that are looked at closely; of more, only where their sum exceeds all hosts together."""
 
 _TOO_LARGE = frozenset({OVER_HOST.code, UNUSABLE_RESERVE.code})
-_ADVICE = prose("Lower one of them, or combine components in a partition; ", PLAN, " finds a change that is enough.")
+_ADVICE = prose("Lower a reserve, or combine components in a partition; ", PLAN, " finds a change that is enough.")
 
 
 def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> Iterator[Diagnostic]:

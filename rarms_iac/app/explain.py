@@ -49,9 +49,9 @@ STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure
 
 PROCESSORS_FROM = {
     ProcessorSource.MANIFEST: "manifest",
-    ProcessorSource.USED: "the most processors it used at once",
-    ProcessorSource.MEMBERS: "those of its components together, at most the host's",
-    ProcessorSource.HOST: "as many as the host has, because its use is not measured yet",
+    ProcessorSource.USED: "the largest number of processors in use at once",
+    ProcessorSource.MEMBERS: "the sum of its components, at most the processors of the host",
+    ProcessorSource.HOST: "all processors of the host; their use is not measured yet",
 }
 
 
@@ -398,9 +398,7 @@ class _Case:
         elif there.reserved > here.reserved:
             why = f"it needs less on {here.host}"
         else:
-            why = (
-                f"it has room, but partitions that are on {here.host} stay there; otherwise the order of names decides"
-            )
+            why = f"it has room, but partitions on {here.host} stay there; otherwise the order of names decides"
         return ExplainedValue(name, show_processors(there.reserved), why)
 
 

@@ -57,7 +57,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     """
     system = manifest.system
     if find_component(manifest, name).runs_on is not RunsOn.PARTITION:
-        raise RequestError(f"{name} runs on the host itself. It has no partition, so there is no reservation to set.")
+        raise RequestError(f"{name} runs on the host itself. Only components in a partition have a reservation.")
     reservations = measured_reservations(manifest, {})
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):

@@ -93,9 +93,9 @@ def unreadable_advice(problem: LogUnreadable, otherwise: Wording) -> Prose:
         return prose(
             "Delete the lines that begin with <<<<<<<, |||||||, ======= or >>>>>>>, and keep all others: "
             "the results of both branches are valid. With `measurements/**/*.jsonl merge=union` in "
-            ".gitattributes, git does this itself."
+            ".gitattributes, git does this automatically."
         )
-    return prose("Restore it from git, or ", otherwise, ".")
+    return prose("Restore the log from git, or ", otherwise, ".")
 
 
 @contextmanager
@@ -111,7 +111,7 @@ def log_errors() -> Iterator[None]:
     try:
         yield
     except LogUnreadable as problem:
-        advice = unreadable_advice(problem, "remove it, so that its records are measured or written again")
+        advice = unreadable_advice(problem, "remove it; rarms then measures or writes its records again")
         file = problem.path.as_posix()
         refusal = UNREADABLE.at(
             None, "{file}, line {line}: {reason}.", advice, file=file, line=problem.line, reason=problem.message

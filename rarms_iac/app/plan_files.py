@@ -59,7 +59,7 @@ def plan_key(environment: Mapping[str, str] = os.environ) -> bytes | None:
     if len(key) < LEAST_BYTES:
         raise RequestError(
             f"The key of {origin} has {len(key)} bytes; at least {LEAST_BYTES} are needed.",
-            "Make one with `openssl rand -hex 32`.",
+            "Make a key with `openssl rand -hex 32`.",
         )
     return key
 
@@ -69,7 +69,10 @@ def _key_in(name: str) -> bytes:
         status, key = Path(name).stat(), read_file(name, _MAX_BYTES)
     except (OSError, ValueError) as error:
         reason = reason_of(error)
-        raise RequestError(f"{FILE_VARIABLE} names {name}: {reason}.", "Name a file that holds the key.") from error
+        raise RequestError(
+            f"The key file {name} of {FILE_VARIABLE} cannot be read: {reason}.",
+            f"Set {FILE_VARIABLE} to the path of the key file.",
+        ) from error
     if sys.platform == "win32":
         return key
     if status.st_uid not in (0, os.geteuid()):

@@ -145,10 +145,8 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
         if any(partition.id.lower() == machine.lower() for partition in states[name].partitions)
     ]
     if len(names) != 1:
-        chosen = ", ".join(hosts.chosen)
-        raise RequestError(
-            f"Choose one host with --host: {len(names) or 'none'} of {chosen} has the machine {machine}."
-        )
+        where = f"on {in_a_row(names)}" if names else f"not on any of these hosts: {', '.join(hosts.chosen)}"
+        raise RequestError(f"The machine {machine} is {where}. Choose one host with --host.")
     return hosts.only(*names)
 
 

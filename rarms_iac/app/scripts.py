@@ -109,8 +109,8 @@ def only_script(selected: Sequence[PlanScript], option: str) -> PlanScript:
     if len(selected) == 1:
         return selected[0]
     hosts = ", ".join(script.host for script in selected)
-    problem = f"{hosts} have one each" if selected else "the plan has no such script"
-    raise RequestError(f"{option} takes one script, but {problem}. Choose one with --host.")
+    problem = f"{hosts} have one each" if selected else "the plan does not have one"
+    raise RequestError(f"{option} needs exactly one script, but {problem}. Choose one with --host.")
 
 
 def scripts_to_write(

@@ -117,7 +117,7 @@ def _advice_beyond(choice: "_Choice", host: Host, loads: Loads) -> Wording:
     higher, limit = _not_measured_yet(choice, host, loads), _limit(loads[0], host)
     easiest = _easiest(choice, loads)
     if higher is None:
-        return f"Choose an easier level{easiest}. It can have at most {limit} % of its VPs."
+        return f"Choose an easier level{easiest}. The component can have at most {limit} % of its VPs."
     first, last = higher
     return prose(
         f"Choose an easier level{easiest}. Or measure higher settings, and select again: ",

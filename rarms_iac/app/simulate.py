@@ -23,7 +23,7 @@ class IntruderChange:
     event: Literal["change"] = argument()
     partition: str = argument()
     reserve: int | None = option(
-        "--reserve", metavar="PERCENT", least=0, most=100, help="Set this reserve, of each processor."
+        "--reserve", metavar="PERCENT", least=0, most=100, help="Set this reserve, in per cent of each processor."
     )
     running: bool | None = option("--on/--off", help="Start the partition, or turn it off.")
     is_removed: bool = flag("--remove", help="Turn the partition off and remove it.")

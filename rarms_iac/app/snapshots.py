@@ -66,7 +66,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
             raise snapshot_error(option.file, str(error)) from error
         name = option.host or _host_of(option.file, snapshot, hosts, chosen)
         if name in snapshots:
-            raise snapshot_error(option.file, f"{name} has more than one")
+            raise snapshot_error(option.file, f"{name} has more than one snapshot")
         snapshots[name] = read_script_output(data, name) or _of_host(snapshot, name)
     return Snapshots(hosts=snapshots, guests=tuple(guests))
 
@@ -102,11 +102,11 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
 
 def _guest(option: SnapshotFile, observation: Snapshot | None) -> GuestSnapshot:
     if observation is None:
-        raise SnapshotUnreadable("it is not the output of observe.ps1, the only way to read a guest")
+        raise SnapshotUnreadable("a guest needs the output of observe.ps1")
     if observation.unread_in_guest is not None:
         raise SnapshotUnreadable(observation.unread_in_guest.message)
     if not observation.tasks:
-        raise SnapshotUnreadable("it has no task classes, although every Windows has some: they were not read")
+        raise SnapshotUnreadable("it has no task classes: they were not read")
     return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, snapshot=observation)
 
 
@@ -143,7 +143,7 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
         None,
         "{file}: {reason}.",
         prose(
-            "Make one with ",
+            "Make a snapshot with ",
             command("snapshot", host="NAME", out="FILE"),
             ", or run the script of ",
             command("snapshot", script=True),

@@ -361,7 +361,7 @@ def _next_proof_command(
         return None
     off = sorted((partition.name for partition in partitions if not partition.running), key=natural_order)
     if off:
-        reason = "starts partitions, so that thresholds can be proven"
+        reason = "starts the partitions for the proof"
         return NextCommand(command=command("start", *off), reason=reason)
     too_near = [
         proof.entry.component

@@ -106,7 +106,7 @@ def _different_plans(plans: Mapping[str, str]) -> RequestError:
         reduce(lambda undo, name: undo.also(host=name), [name for name, of in plans.items() if of == plan], UNDO)
         for plan in dict.fromkeys(plans.values())
     )
-    advice = prose("Undo one of them: ", first, *(part for each in others for part in (" or ", each)), ".")
+    advice = prose("Undo one plan: ", first, *(part for each in others for part in (" or ", each)), ".")
     return RequestError(f"{message}.", advice)
 
 

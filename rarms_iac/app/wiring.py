@@ -53,9 +53,7 @@ def open_host(host: Host, folder: Path, state_path: str, channel: CommandChannel
 
             return RobotByChannel(host, way)
         case ProviderKind.LINUX if host.connect is not None:
-            raise HostFailed(
-                host.name, "WinRM cannot connect to a Linux host", "Reach it by `connect: {ssh: user@host}`."
-            )
+            raise HostFailed(host.name, "WinRM cannot connect to a Linux host", "Use `connect: {ssh: user@host}`.")
         case ProviderKind.LINUX:
             from rarms_iac.providers.cgroups.provider import LinuxHostProvider
 

@@ -38,7 +38,7 @@ from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.samples import response_times
 
 WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")
-MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes that needed more memory")
+MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes for lack of memory")
 WORK_OUTSIDE = Finding.warning("RARMS393", "A component's work runs outside its partition")
 BUSY_HOST = Finding.note("RARMS392", "Other programs used more processor time than the component")
 

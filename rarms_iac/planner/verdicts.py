@@ -249,7 +249,7 @@ def _no_setting(names: Names, log: MeasuredTogether) -> NotMeasured:
         names,
         log.records.header.platform,
         template,
-        prose("Measure it: ", log.again, "."),
+        prose("Measure first: ", log.again, "."),
         log=log.path,
         highest_percent=0,
         indexes=(),

@@ -108,7 +108,7 @@ def with_setup(component: str, process: Process, environment: Mapping[str, str],
         after = _sourced(words, tuple(sorted(own.items())), folder)
     except OSError as problem:
         message = f"its setup files: {reason_of(problem)}"
-        raise CannotStart(component, message, "Source them in bash by hand.") from problem
+        raise CannotStart(component, message, "Source the setup files in bash by hand to see the error.") from problem
     kept = {name: environment[name] for name in _OF_BASH if name in environment}
     return {**{name: value for name, value in after if name not in _OF_BASH}, **kept}
 

@@ -158,9 +158,7 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int, re
         case BusyLoop(threads=threads):
             return (*several, str(threads or processors), "", *python, "-c", BUSY_LOOP)
         case Bursts(duty=None) if reserve is None:
-            raise CannotStart(
-                name, "it uses the reservation of its partition, but there is no partition here: give the load a `duty`"
-            )
+            raise CannotStart(name, "without a partition, the load needs a `duty`")
         case Bursts(threads=threads):
             cycle = load.cycle(reserve or 0.0)
             times = (str(round(1e6 * cycle.burst_ms)), str(round(1e6 * cycle.gap_ms)))

@@ -102,7 +102,7 @@ def _match_reader(samples: Samples) -> LineReader:
             if (whole := cut_number(line, spans, field.field)) is not None:
                 part = quoted(matched.group(groups[field.field]), SHOWN)
                 return Unreadable(
-                    message=f'the field "{field.field}" is {part}, and only a part of {quoted(whole, SHOWN)}'
+                    message=f'the field "{field.field}" reads {part}, only a part of {quoted(whole, SHOWN)}'
                 )
         return read_values(samples, matched.groupdict(), line)
 

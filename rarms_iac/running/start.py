@@ -145,8 +145,8 @@ def _order_of_engine(
     """
     inside, folder = context.inside, context.base / process.folder
     if inside.priority:
-        advice = "Give the class to its threads: `task: { class: ..., threads: [...] }`."
-        message = "a task class or deadline of the whole process cannot be given to a container or service"
+        advice = "Set the class for its threads: `task: { class: ..., threads: [...] }`."
+        message = "a container or service cannot have a task class or deadline for the whole process"
         raise CannotStart(component, message, advice)
     made: EngineStart
     if process.container is not None:

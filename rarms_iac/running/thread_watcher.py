@@ -27,8 +27,8 @@ UNMATCHED_S = 60.0
 """How long a partition may run threads before the log names the patterns without one."""
 
 _ENDLESS = (
-    "No thread gets a priority: the kernel never stops real-time threads (sched_rt_runtime_us). "
-    "Set it: sysctl kernel.sched_rt_runtime_us=950000."
+    "No thread gets a priority, because kernel.sched_rt_runtime_us does not limit real-time threads. Run: sysctl "
+    "kernel.sched_rt_runtime_us=950000."
 )
 
 Rules = Mapping[str, str]
@@ -102,7 +102,7 @@ class ThreadWatcher:
         except (OSError, ValueError, AttributeError) as problem:
             state = state or str(problem)
             if state != before:
-                self._tell(f"{path} cannot be read: {problem}. Its earlier rules stay.")
+                self._tell(f"{path} cannot be read: {problem}. The earlier rules remain valid.")
             return state, rules
         return state, found
 

@@ -198,8 +198,8 @@ def samples_needed(index: str, threshold: Threshold) -> int:
 
 
 def describe_error() -> str:
-    """Return the confidence of a statement, to append to a message: `99 % sure`."""
-    return f"{100 - 100 * ERROR:.4g} % sure"
+    """Return the confidence of a statement: `99 % confidence`."""
+    return f"{100 - 100 * ERROR:.4g} % confidence"
 
 
 def describe_errors(*, sure: bool, so_far: bool) -> str:
@@ -231,10 +231,9 @@ def describe_extreme(beyond: float) -> str:
 
 
 ERRORS_EXPLAINED: Final = (
-    f"Each statement on measured values has {describe_error()}: that a reservation is enough, that a "
-    "threshold is missed, or that all thresholds of a layout are met. The same confidence applies "
-    "to bounds (from, to). Jobs that no sample showed are included, with up to twice the mean time "
-    "or the longest time seen. For a maximum or minimum, only the values seen so far are known, "
-    "with the share of jobs that may be beyond them."
+    f"Each statement on measured values has {describe_error()}: a reservation is enough, a threshold is missed, or "
+    "all thresholds of a layout are met. The bounds (from, to) have the same confidence. Bounds include unseen jobs of "
+    "up to twice the mean time or the longest measured time. For a maximum or minimum, rarms shows the measured value so "
+    "far and the share of jobs that may be beyond it."
 )
 """What the terminal, the report and the documentation say of errors."""

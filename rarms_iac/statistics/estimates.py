@@ -225,7 +225,7 @@ def mean_estimate(
         return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
     mean, effective = sum(numbers) / count, effective_samples(numbers, starts, error)
     if unseen and mean <= 0.0:
-        return NoEstimate(reason="every job took 0 ms: the clock is too coarse for it")
+        return NoEstimate(reason="every job took 0 ms: the clock is too coarse")
     if unseen and count >= FIRST_LOOK and effective < min(FEWEST_EFFECTIVE, count / 2):
         return NoEstimate(reason=_too_dependent(count, effective))
     seen, effective = _moments(numbers, mean, effective, starts, error)
@@ -257,7 +257,7 @@ def _moments(
 
 def _too_dependent(count: int, effective: float) -> str:
     needed = f"a bound needs {min(FEWEST_EFFECTIVE, -(-count // 2))}"
-    return f"its {count} samples depend on one another and count as {effective:.0f} independent ones; {needed}"
+    return f"its {count} samples are correlated and count as {effective:.0f} independent samples; {needed}"
 
 
 def _bound(moments: _Moments, effective: float, error: float, *, side: float) -> float:

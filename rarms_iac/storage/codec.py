@@ -482,7 +482,7 @@ def sample_numbers(data: Any, length: int, path: str) -> Sequence[int]:
     if not isinstance(data, list | tuple) or not set(map(type, data)) <= {int}:
         raise NotDecodable(path, "it is not an array of whole numbers")
     if data and (min(data) < 0 or max(data) >= length):
-        raise NotDecodable(path, f"it refers to a sample that does not exist: it has {length}")
+        raise NotDecodable(path, f"it refers to a missing sample: {length} are recorded")
     return data
 
 

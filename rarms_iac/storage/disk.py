@@ -152,9 +152,9 @@ def advice_on(error: OSError, otherwise: str) -> str:
         case NotRegular(kind=kind) if kind in {A_LINK, LEADS_OUT}:
             return "Replace the link with a copy or a mount of its target."
         case NotRegular():
-            return "Remove it, or put a regular file there."
+            return "Replace it with a regular file."
         case PermissionError():
-            return "Run rarms as its owner, or correct its permissions."
+            return "Run rarms as the owner of the file, or correct the permissions."
         case _:
             return otherwise
 

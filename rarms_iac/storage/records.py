@@ -212,7 +212,7 @@ def _sound_lines(lines: Iterable[bytes], path: Path, *, in_git: bool = False) ->
             found += 1
             yield number, text
     if not found:
-        raise Damaged(path, 1, "the file is empty, and was made with a first record")
+        raise Damaged(path, 1, "the file is empty: its first record is missing")
 
 
 def _can_be_torn(line: bytes) -> bool:

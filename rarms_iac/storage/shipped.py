@@ -18,7 +18,7 @@ class NotShipped(FileNotFoundError):
     """This copy of rarms lacks one of its own files: it was not installed whole."""
 
     def __init__(self, relative: str) -> None:
-        super().__init__(f"rarms lacks its own file {relative}: install it again")
+        super().__init__(f"the file {relative} of rarms is missing: install rarms again")
         self.relative = relative
 
 

@@ -206,6 +206,9 @@ def describe_placement(placement: Placement) -> str:
         A sentence.
     """
     if placement.verdict == "optimal":
-        return "The placement is optimal: no other reserves less, or moves fewer partitions with the same reservation."
+        return (
+            "The placement is optimal: no other placement reserves less, or moves fewer partitions with the same "
+            "reservation."
+        )
     gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
     return f"The placement is within {gap} and {placement.moves - placement.moves_bound} moves of the optimum."

@@ -50,12 +50,12 @@ def test_rows_lead_from_the_threshold_to_the_reserve(here: Path) -> None:
         "reservation": "1.24 LP (62 % of onboard) (the smallest whole per cent of its VPs that meets every threshold)",
         "reserve": "1.24 LP (62 % of its 2 VPs) (whole per cent of its VPs: not rounded)",
         "partition": "vision (alone)",
-        "processors": "2 virtual processors (as many as the host has, because its use is not measured yet)",
+        "processors": "2 virtual processors (all processors of the host; their use is not measured yet)",
         "memory": "512 MiB (manifest)",
         "limit": "2 LP (100 % of its 2 VPs) (no limit: a limit would make its measurements invalid)",
         "weight": "3000 (policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000)",
         "host": (
-            "onboard (The placement is optimal: no other reserves less, or moves fewer partitions with the "
+            "onboard (The placement is optimal: no other placement reserves less, or moves fewer partitions with the "
             "same reservation.)"
         ),
         "free on onboard": "0.76 LP of 2 LP",

@@ -129,8 +129,8 @@ def test_link_to_another_folder_of_repository_is_followed(outside: Path) -> None
 @pytest.mark.parametrize(
     ("error", "advice"),
     [
-        (NotRegular("file", "a folder"), "Remove it, or put a regular file there."),
-        (PermissionError(13, "Permission denied"), "Run rarms as its owner, or correct its permissions."),
+        (NotRegular("file", "a folder"), "Replace it with a regular file."),
+        (PermissionError(13, "Permission denied"), "Run rarms as the owner of the file, or correct the permissions."),
         (OSError(28, "No space left on device"), "Make room."),
     ],
 )

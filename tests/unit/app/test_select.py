@@ -65,7 +65,7 @@ def test_measured_maximum_advises_easier_level(here: Path) -> None:
 
     answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
 
-    assert "holds with 100 % of its VPs under each load. It can have at most 100 % of its VPs." in answer
+    assert "holds with 100 % of its VPs under each load. The component can have at most 100 % of its VPs." in answer
     assert "rarms measure" not in answer
 
 
@@ -78,7 +78,7 @@ def test_easier_level_holds_for_every_load(here: Path) -> None:
     unmeasured = " ".join(rarms("select", "vision", "--at", "80 ms", "-f", str(here)).err.split())
 
     level = "Choose an easier level: 88.4 ms holds with 70 % of its VPs under each load."
-    assert f"{level} It can have at most 100 % of its VPs" in hopeless
+    assert f"{level} The component can have at most 100 % of its VPs" in hopeless
     assert "88.4 ms holds with 70 % of its VPs under each load. Or measure higher settings" in unmeasured
     assert "the highest is 70 % of its VPs with bursts-20, and 100 % with busy-loop." in unmeasured
     assert "rarms measure vision --from 71% --to 100%" in unmeasured

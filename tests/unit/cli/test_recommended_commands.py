@@ -297,7 +297,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "the manifest changed since the plan was made": (
         given(MANIFEST, "plan --out a.plan", edit("45 %", "40 %")),
-        Ask("apply a.plan", "To see the changes for the manifest as it is now, run", "plan"),
+        Ask("apply a.plan", "To see the changes for the current manifest, run", "plan"),
     ),
     "a plan is applied elsewhere": (
         given(MANIFEST, "plan --out a.plan", move),
@@ -313,7 +313,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "the last applies of two hosts are of different plans": (
         given(TWO_HOSTS, "apply", edit("45 %", "50 %"), "apply --host fore"),
-        Ask("undo --auto-approve", "Undo one of them: ", ("undo --host aft", "undo --host fore")),
+        Ask("undo --auto-approve", "Undo one plan: ", ("undo --host aft", "undo --host fore")),
     ),
     "a protected partition is no longer named": (
         given(MANIFEST + "partitions:\n  speech: { protect: true }\n", "apply", write(ALONE)),
@@ -501,13 +501,13 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a log has no setting": (
         given(MEASURED, logs(vision=45), empty_log),
-        Ask("plan", "Measure it: ", "measure vision"),
+        Ask("plan", "Measure first: ", "measure vision"),
     ),
     "a snapshot cannot be read": (
         given(MANIFEST, write("nothing", "host.json")),
         Ask(
             "plan --snapshot host.json",
-            "Make one with",
+            "Make a snapshot with",
             ("snapshot --host NAME --out FILE", "snapshot --script"),
         ),
     ),
@@ -560,8 +560,8 @@ OTHER_TESTS = {
     "then run `rarms install --host": "tests/unit/app/test_install.py",
     "then run {again}.": "tests/unit/app/test_install.py",
     "The version in use was not changed. Run {again} again.": "tests/unit/app/test_install.py",
-    "End it: ": "tests/unit/app/test_install.py",
-    "Remove them first: ": "tests/unit/app/test_install.py",
+    "Finish the run: ": "tests/unit/app/test_install.py",
+    "Remove the partitions first: ": "tests/unit/app/test_install.py",
     "{boot}": "tests/unit/app/test_install.py",
     "Next: `rarms doctor`": "tests/system/test_robot.py",
     "Install this version there: ": "tests/system/test_install.py",

@@ -211,7 +211,7 @@ def test_manual_partition_is_started_before_proving() -> None:
     off, refused = rarms("status"), rarms("prove", "--load-host")
     assert rarms("start", "planner", "--auto-approve").code == 0
 
-    assert "Next: `rarms start planner` starts partitions, so that thresholds can be proven." in off.out
+    assert "Next: `rarms start planner` starts the partitions for the proof." in off.out
     assert refused.code == 3
     assert "`rarms start planner`" in refused.err
     assert "Next: `rarms prove`" in rarms("status").out

@@ -215,7 +215,7 @@ def test_plan_says_conditions_of_first_pass(here: Path) -> None:
     planned = rarms("plan")
 
     assert "RARMS108" in planned.out
-    assert "was measured while these ran on the host: planner; vision" in " ".join(planned.out.split())
+    assert "These partitions ran on the host during the measurement of" in " ".join(planned.out.split())
 
 
 class StopsAfterOneLook(NeverStop):

@@ -279,7 +279,7 @@ def test_dependent_samples_ask_for_twice_as_many() -> None:
     (verdict,) = judge_layout(layout, {"vision": series}, statements=None, slow_job=20)
 
     assert isinstance(verdict.verdict, TooFewSamples)
-    assert "depend on one another" in verdict.measured.reason
+    assert "samples are correlated" in verdict.measured.reason
     assert verdict.samples_needed == 128
 
 

@@ -63,7 +63,7 @@ def test_bursts_without_duty_take_what_their_partition_reserves(tmp_path: Path) 
     frames = Bursts(every=ms(50))
 
     assert load_words("frames", frames, tmp_path, 3, 40.0)[-3:] == ("3", "20000000", "30000000")
-    with pytest.raises(CannotStart, match="give the load a `duty`"):
+    with pytest.raises(CannotStart, match="the load needs a `duty`"):
         load_words("frames", frames, tmp_path, 3, None)
 
 

@@ -120,7 +120,7 @@ def took(pattern: str) -> Samples:
 def test_group_with_part_of_number_fails(text: str, part: str, whole: str) -> None:
     found = line_reader(took("took (?P<t>[0-9.]+)"))(f"took {text}, done")
 
-    assert found == Unreadable(message=f'the field "t" is "{part}", and only a part of "{whole}"')
+    assert found == Unreadable(message=f'the field "t" reads "{part}", only a part of "{whole}"')
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def test_unreadable_file_keeps_its_rules_and_is_told_once(tmp_path: Path, said: 
 
     (line,) = said
     assert line.startswith(f"{tmp_path}/rarms.threads cannot be read: ")
-    assert line.endswith(" Its earlier rules stay.")
+    assert line.endswith(" The earlier rules remain valid.")
 
 
 def test_endless_real_time_gives_no_priority(tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,7 +84,7 @@ def test_endless_real_time_gives_no_priority(tmp_path: Path, said: list[str], mo
     assert watcher.read()
     assert watcher.read()
     first, second = said
-    assert "the kernel never stops real-time threads (sched_rt_runtime_us)" in first
+    assert "sched_rt_runtime_us does not limit real-time threads" in first
     assert second == "arm: threads have their usual priority again."
 
     monkeypatch.setattr(thread_watcher, "real_time_is_endless", lambda: False)

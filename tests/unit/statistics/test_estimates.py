@@ -206,7 +206,7 @@ def test_weak_samples_give_a_reason() -> None:
     answer = estimate("mean_response_time", a_series(noisy(1, 100.0, count=100, correlation=0.9)), RUN)
 
     assert isinstance(answer, NoEstimate)
-    assert "depend on one another" in answer.reason
+    assert "samples are correlated" in answer.reason
 
 
 def test_without_unseen_jobs_samples_decide() -> None:

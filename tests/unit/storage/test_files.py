@@ -189,7 +189,7 @@ def test_the_findings_pages_are_found() -> None:
 
 
 def test_what_is_missing_is_named() -> None:
-    with pytest.raises(NotShipped, match="docs/no-such-folder: install it again"):
+    with pytest.raises(NotShipped, match="docs/no-such-folder of rarms is missing"):
         shipped("docs/no-such-folder")
 
 

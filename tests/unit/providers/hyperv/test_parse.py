@@ -444,7 +444,7 @@ def test_guest_skips_and_refuses_lines_that_host_does() -> None:
 
     assert [sample.failure for sample in found] == [
         'it ended with exit code 2; 1 line did not match the pattern ("loading")',
-        'the field "t" is "1.5", and only a part of "1.5e3"',
+        'the field "t" reads "1.5", only a part of "1.5e3"',
         "",
     ]
     assert found[-1].response_ms == 12
