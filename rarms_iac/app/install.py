@@ -325,7 +325,7 @@ def _python_of(host: str, look: _Look) -> RobotPython:
             f"rarms has wheels for CPython with glibc on x86_64 and aarch64; the host has {look.implementation} on "
             f"{look.platform} with {kind or 'another C library'}"
         )
-        raise HostRefused(host, message, "Install a Python of the distribution there, such as python3.")
+        raise HostRefused(host, message, "Install the Python of the distribution on the host, such as python3.")
     major, minor = (int(part) for part in version.split(".")[:2])
     return RobotPython(version=look.python, machine=machine, glibc=(major, minor))
 
@@ -357,7 +357,11 @@ class _RobotSetup:
             raise not_reached(self.name, target, error)
         if result.code == _NO_PYTHON:
             message = f"{target} has no Python 3.11 or newer in {install_there.SEARCH}"
-            raise HostRefused(self.name, message, "Install one there, such as python3 of Debian 12 or Ubuntu 24.04.")
+            raise HostRefused(
+                self.name,
+                message,
+                "Install Python 3.11 or newer on the host, such as python3 of Debian 12 or Ubuntu 24.04.",
+            )
         message = f"the answer of {target} is not from rarms: exit code {result.code}, {error}"
         raise HostFailed(self.name, message, "Connect as root, or let this user run `sudo -n python3` there.")
 

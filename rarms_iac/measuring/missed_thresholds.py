@@ -147,7 +147,9 @@ def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
         return NO_MORE_CPU
     sentences = list(_reserves(measured, ways))
     if ways.shares_with:
-        sentences.append(f"Give it a partition of its own, without {in_a_row(ways.shares_with)}: `dedicated: true`.")
+        sentences.append(
+            f"Give the component its own partition, without {in_a_row(ways.shares_with)}: `dedicated: true`."
+        )
     if ways.holds is not None:
         sentences.append(f"A threshold of {show_threshold(index_named(measured.index), ways.holds)} was met.")
     again = command("measure", measured.component, again=True, stop_partitions=True)
@@ -156,22 +158,22 @@ def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
 
 def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:
     if ways.reserved_lp is None:
-        yield "It runs on the host itself without a reservation. Give it a partition."
+        yield f"{measured.component} runs on the host itself without a reservation. Move it to a partition."
         return
     if ways.asked_lp is None:
-        yield f"Raise its reservation: its host has {show_processors(ways.free_lp)} free."
+        yield f"Raise the reservation: the host has {show_processors(ways.free_lp)} free."
         return
     asks = f"needs about {show_processors(ways.asked_lp)}, but its partition has {show_processors(ways.reserved_lp)}"
     more = ways.asked_lp - ways.reserved_lp
     why = "Its demand" if measured.overload else "At this slowdown it"
     if more <= ways.free_lp:
-        yield f"{why} {asks}. Raise the reservation: its host has {show_processors(ways.free_lp)} free."
+        yield f"{why} {asks}. Raise the reservation: the host has {show_processors(ways.free_lp)} free."
     else:
-        yield f"{why} {asks}. Its host has only {show_processors(ways.free_lp)} free."
+        yield f"{why} {asks}. The host has only {show_processors(ways.free_lp)} free."
     if 0 < ways.processors < ways.asked_lp:
         yield f"That is more than {counted(ways.processors, 'virtual processor')} can give. Raise `processors`."
     for name, free in ways.hosts.items():
-        yield f"Or move it to {name}, which has {show_processors(free)} free."
+        yield f"Or move the component to {name}, which has {show_processors(free)} free."
 
 
 def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Mapping[str, Fraction]) -> WaysOut:

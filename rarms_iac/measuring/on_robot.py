@@ -196,7 +196,9 @@ def readable_answer(host: str) -> Iterator[None]:
         try:
             yield
         except NotDecodable as problem:
-            raise HostFailed(host, f"its answer cannot be read: {problem}", "Check rarms on the host.") from None
+            raise HostFailed(
+                host, f"its answer cannot be read: {problem}", "Check the installation of rarms on the host."
+            ) from None
 
 
 def _folder_there(hosts: Hosts, host: str) -> str:

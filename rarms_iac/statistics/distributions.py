@@ -232,8 +232,9 @@ def describe_extreme(beyond: float) -> str:
 
 ERRORS_EXPLAINED: Final = (
     f"Each statement on measured values has {describe_error()}: a reservation is enough, a threshold is missed, or "
-    "all thresholds of a layout are met. The bounds (from, to) have the same confidence. Bounds include unseen jobs of "
-    "up to twice the mean time or the longest measured time. For a maximum or minimum, rarms shows the measured value so "
+    "all thresholds of a layout are met. The bounds (from, to) have the same confidence. Bounds include unseen jobs "
+    "of up to twice the mean time or the longest measured time. For a maximum or minimum, rarms shows the "
+    "measured value so "
     "far and the share of jobs that may be beyond it."
 )
 """What the terminal, the report and the documentation say of errors."""

@@ -228,7 +228,7 @@ def test_a_miss_names_its_ways_out_with_figures(here: Path) -> None:
     assert values["free_lp"] == pytest.approx(0.6)
     assert values["threshold_that_holds"] > 40
     assert f"needs about {values['asked_lp']} LP, but its partition has 0.8 LP" in advice
-    assert "Its host has only 0.6 LP free." in advice
+    assert "The host has only 0.6 LP free." in advice
     assert f"A threshold of at most {values['threshold_that_holds']} ms was met." in advice
 
 
