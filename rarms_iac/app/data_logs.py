@@ -451,7 +451,7 @@ def stale_advice(changed: Sequence[Changed], members: Names) -> Prose:
         )
     return prose(
         (
-            "If this is another machine, give its host a different platform: `platform: NAME`. If this "
+            "If this is another machine, give the host another platform: `platform: NAME`. If this "
             "machine was changed, measure again: "
         ),
         again.also(again=True),
@@ -528,7 +528,7 @@ def _remarks_on_conditions(used: Sequence[Recorded], found: Present, group: Grou
         yield DIFFERENT, template, advice, _listed("differences", differences)
     if differences := tuple(map(str, found.other_hardware)):
         template = "{log} was measured on two kinds of hardware ({_differences}). Plans use the later measurements."
-        advice = "Give each kind of machine its own platform: `platform: NAME` at its host."
+        advice = "Give each kind of machine its own platform: write `platform: NAME` at the host."
         yield DIFFERENT, template, advice, _listed("differences", differences)
     if found.others:
         advice = "No action is needed. Plans use these settings again when the conditions are the same."

@@ -358,7 +358,7 @@ class _Case:
         if self.now_on == host.name:
             return self.bound or "it is here now"
         if self.now_on:
-            return f"it is on {self.now_on} now; apply removes it there and creates it on {host.name}"
+            return f"it is on {self.now_on} now; apply recreates it on {host.name}"
         if unplaced:
             return "not planned until its reservation is known" if wanted is None else unplaced
         if self.layout is None:

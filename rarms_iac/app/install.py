@@ -237,7 +237,7 @@ def _linux_hosts(hosts: Hosts) -> tuple[str, ...]:
     is_linux = {name: hosts.system.hosts[name].provider is ProviderKind.LINUX for name in hosts.chosen}
     others = [name for name in hosts.chosen if not is_linux[name]]
     if others and (hosts.selection.hosts or len(others) == len(is_linux)):
-        raise RequestError(f"rarms is installed on Linux hosts only. {', '.join(others)}: not a Linux host.")
+        raise RequestError(f"rarms can be installed on Linux hosts only. Not a Linux host: {', '.join(others)}.")
     return tuple(name for name in hosts.chosen if is_linux[name])
 
 

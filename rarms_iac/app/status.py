@@ -323,7 +323,7 @@ def _next_command(
     if unfinished:
         return NextCommand(command=APPLY, reason=f"finishes the run on {in_a_row(unfinished)}")
     if any(host.is_left_by_measurement for host in hosts):
-        reason = "removes the test partitions of an interrupted measurement, and starts the partitions that it stopped"
+        reason = "removes the test partitions of an interrupted measurement, and restarts the stopped partitions"
         return NextCommand(command=START, reason=reason)
     if any(host.problems for host in hosts):
         return None  # the advice of these problems comes first
@@ -332,7 +332,7 @@ def _next_command(
     if any(kind.is_of_the_host for kind in kinds):
         return NextCommand(command=DRIFT, reason="shows the changes")
     if not has_layout:
-        return NextCommand(command=PLAN, reason="shows why there is no layout, and what would help")
+        return NextCommand(command=PLAN, reason="shows why there is no layout, and changes that help")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command=PLAN, reason="shows the changes that are not applied yet")
     partitions = [partition for host in hosts for partition in host.partitions]

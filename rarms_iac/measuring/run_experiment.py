@@ -329,7 +329,7 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
     return DIFFERENT.of_host(
         experiment.host.name,
         "These partitions ran on {host} during the measurement of {_experiment}: {_names}. The log records them.",
-        "Measure again on a quiet host with --again.",
+        "Measure again with --again while nothing else runs on the host.",
         partitions=names,
         _experiment=experiment.name,
         _names=", ".join(names),

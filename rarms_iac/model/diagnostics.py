@@ -229,7 +229,7 @@ def remainder(shown: Diagnostic, number: int) -> Diagnostic:
     return replace(
         shown,
         detail=f"{number:,} more of this kind follow.",
-        advice=prose("Correct the ones above."),
+        advice=prose("Correct the findings above."),
         values={"more": number},
         place=None,
         address="",

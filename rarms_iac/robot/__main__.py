@@ -105,7 +105,7 @@ def read_request(lines: BinaryIO) -> Request:
         raise _unreadable(str(problem)) from None
     if request.version != __version__ or request.command not in MODULES:
         message = f"the request {request.command[:20]} is for rarms {request.version[:20]}; this is rarms {__version__}"
-        raise _refused(message, "Install the same version on both sides.")
+        raise _refused(message, "Install the same version on this computer and on the robot.")
     return request
 
 
@@ -226,7 +226,7 @@ def _failure_of(error: BaseException, host: str) -> Failure:
     if isinstance(error, Interrupted) and error.code is ExitCode.INTERRUPTED:  # the other side asked for it
         return Failure(outcome=Outcome.INTERRUPTED.value, findings=())
     if isinstance(error, Interrupted):
-        stopped = HostRefused(host, "rarms was terminated there", "Run the same command again to continue.")
+        stopped = HostRefused(host, "rarms was terminated on the host", "Run the same command again to continue.")
         return Failure(outcome=Outcome.INTERRUPTED.value, findings=(refusals.host_failed(stopped),))
     traceback.print_exception(error)
     finding = system_finding(error) if isinstance(error, OSError) else bug_finding(error)

@@ -271,7 +271,7 @@ def test_explain_says_what_the_plan_says(tmp_path: Path) -> None:
     stays = "it stays on h1: policy.max_disruption does not allow a removal"
     assert there["host"] == too_much["host"] == f"h1 ({stays})"
     assert (there["on h2"], too_much["on h2"]) == (f"0.8 LP ({stays})", f"1.2 LP ({stays})")
-    assert moved["host"] == "h2 (it is on h1 now; apply removes it there and creates it on h2)"
+    assert moved["host"] == "h2 (it is on h1 now; apply recreates it on h2)"
 
 
 def test_guide_says_what_to_set_in_order(here: Path) -> None:
