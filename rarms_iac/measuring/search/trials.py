@@ -463,7 +463,7 @@ def _samples_to_clear(trial: SearchTrial) -> tuple[str, int | None]:
 
 
 _DESCRIPTIONS: Mapping[type[Verdict], str] = {
-    WithinNoise: "was not shown to meet or to miss its threshold",
+    WithinNoise: "neither met nor missed its threshold with 99 % confidence",
     Unsteady: "did not reach a steady state",
     TooManyFailures: "has too many failed samples",
     TooFewSamples: "has too few samples",

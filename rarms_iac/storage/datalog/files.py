@@ -194,9 +194,7 @@ def log_in(lines: Iterable[LogLine], path: Path) -> LogFile:
     remeasurements: dict[tuple[str, int, str], Remeasurement] = {}
     for number, value in below:
         if value.header not in headers:
-            raise LogUnreadable(
-                path, number, f"the log refers to a header {quoted(value.header)} that it does not have"
-            )
+            raise LogUnreadable(path, number, f"the log refers to the missing header {quoted(value.header)}")
         match value.record:
             case Recorded() as record:
                 _check_members(record, headers[value.header], path, number)

@@ -218,14 +218,14 @@ def test_threshold_at_floor_is_never_met_for_sure(bench: Bench) -> None:
 
     assert isinstance(ended.conclusion, NotResolved)
     assert ended.conclusion.reason.startswith(
-        "at 100 % of its VPs vision was not shown to meet or to miss its threshold"
+        "at 100 % of its VPs vision neither met nor missed its threshold with 99 % confidence"
     )
     other = Bench(bench.folder / "other", bench.experiment)
     other.folder.mkdir()
     within = other.measure(other.search("bisection", most=80), simulate=flat)
     assert isinstance(within.conclusion, NotResolved)
     assert within.conclusion.reason.startswith(
-        "at 80 % of its VPs vision was not shown to meet or to miss its threshold"
+        "at 80 % of its VPs vision neither met nor missed its threshold with 99 % confidence"
     )
 
 

@@ -97,7 +97,7 @@ def resealed(change: Callable[[dict[str, object]], dict[str, object]]) -> Callab
         (lambda came: b'{"header":1}\n{"record":1}\n', "damaged"),
         (lambda came: b"\xfd7zXZ\x00" * 30, "damaged"),
         (lambda came: b"", "empty"),
-        (lambda came: came.split(b"\n", 1)[1], "refers to a header"),
+        (lambda came: came.split(b"\n", 1)[1], "refers to the missing header"),
         (lambda came: came + sealed_line({"header": a_header().digest}), "field is missing"),
         (lambda came: came + sealed_line({"colour": "red"}), "field is unknown"),
         (lambda came: b"<<<<<<< ours\n" + came, "merge conflict"),
