@@ -59,7 +59,7 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
                     host.name,
                     "Running partitions on {host} would change the measurement: {_names}.",
                     prose(
-                        "To stop and restart them with the measurement: ",
+                        "To stop these partitions and restart them afterwards: ",
                         command(session.command, stop_partitions=True),
                         ". Or stop them yourself: ",
                         command("stop"),

@@ -215,7 +215,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(MANIFEST, "apply"),
         Ask(
             "measure vision --from 50% --to 50%",
-            "To stop and restart them with the measurement",
+            "To stop these partitions and restart them afterwards",
             ("measure --stop-partitions", "stop", "start"),
         ),
         Ask("status", "compares them with their thresholds", "prove"),
