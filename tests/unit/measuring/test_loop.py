@@ -373,7 +373,7 @@ def test_papers_strategy_keeps_the_hosts_number(manifest: Path) -> None:
 
     assert (measured["processors"], measured["processors_from"]) == (4, "host")
     assert set(settings) == {(4, None)}
-    assert "4 virtual processors as many as the host has" in " ".join(planned.split())
+    assert "4 virtual processors all processors of the host" in " ".join(planned.split())
 
 
 def test_later_growth_is_measured_with_more_processors(manifest: Path) -> None:
