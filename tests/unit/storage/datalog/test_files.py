@@ -131,7 +131,7 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
         ("response_ms", [1.0], "different lengths"),
         ("response_ms", ["1", 2], "not a number"),
         ("began_ms", [None, 2], "not a number"),
-        ("unsuccessful", [2], "does not exist"),
+        ("unsuccessful", [2], "missing sample"),
         ("failures", {"x": "died"}, "not numbers of samples"),
         ("failures", {"1": 4}, "4 is not text"),
         ("colours", [], "field is unknown"),
