@@ -35,7 +35,7 @@ from rarms_iac.storage.shipped import shipped_module
 T = TypeVar("T")
 
 PLACES = RobotPlaces()
-STILL_OPEN = Finding.warning("RARMS417", "An unfinished run of another version stays on the host")
+STILL_OPEN = Finding.warning("RARMS417", "The host has an unfinished run of another version")
 SILENCE_S = 1_800.0
 """Seconds that a host may take to install."""
 
@@ -219,7 +219,7 @@ def _still_open(host: str, run: BegunRun) -> Diagnostic:
         host,
         "{host}: rarms {began} began the run of plan {plan} and did not finish it. {reason}",
         prose(
-            f"Remove the reason, or install rarms {run.version} there, then run ",
+            f"Correct the cause, or install rarms {run.version} there, then run ",
             command("install", host=host),
             ". To close the run and leave the host as it is, run ",
             APPLY_ABANDON,
@@ -421,21 +421,21 @@ def _words(host: str, refusal: _Refusal) -> tuple[str, Wording]:
                 if refusal.needed
                 else ""
             )
-            message = f"the disk of {refusal.file or PLACES.versions} is full.{room} The version in use stays"
+            message = f"the disk of {refusal.file or PLACES.versions} is full.{room} The version in use was not changed"
             return message, prose("Free space there, then run ", again, ".")
         case "digest":
             message = f"{refusal.file} was sent with SHA-256 {refusal.wanted} and arrived with {refusal.found}"
             return message, prose("The connection or the disk corrupts data. Check both, then run ", again, ".")
         case "writable":
             message = f"users other than root can change {refusal.file}, which root would run"
-            return message, f"Correct this on the host: `chown root:root {refusal.file} && chmod go-w {refusal.file}`."
+            return message, f"Run on the host: `chown root:root {refusal.file} && chmod go-w {refusal.file}`."
         case "unfinished":
             runs = ", ".join(f"plan {run.plan} of rarms {run.version}" for run in refusal.runs)
             message = f"a run is unfinished there: {runs}. {_last_line(refusal.said)}".rstrip(". ")
-            return message, prose("End it: ", command("apply"), ", or ", command("apply", abandon=True), ".")
+            return message, prose("Finish the run: ", command("apply"), ", or ", command("apply", abandon=True), ".")
         case "partitions":
             message = f"the host still has partitions of rarms, in {', '.join(refusal.slices)}"
-            return message, prose("Remove them first: ", command("destroy", host=host), ".")
+            return message, prose("Remove the partitions first: ", command("destroy", host=host), ".")
         case "step":
             message = f"the step {refusal.step} ended with exit code {refusal.code}: {_last_line(refusal.said)}"
             return (

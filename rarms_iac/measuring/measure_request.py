@@ -272,7 +272,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     refuse_unknown(request.interference, system.interference, "interference")
     for name in request.components:
         if system.components[name].runs_on is RunsOn.HOST:
-            message = f"{name} runs on the host itself. It has no partition, so it has no reservation to measure."
+            message = f"{name} runs on the host itself. Only components in a partition have a reservation."
             raise RequestError(message)
     is_named = bool(request.components) or request.coarse
     if not is_named and not any(component.apt for component in system.components.values()):
@@ -285,8 +285,11 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         for host in _hosts_to_measure_on(hosts, members):
             experiments += experiments_of(system, host, members, loads, request.samples)
     if (names := attached_of(hosts, request)) and not request.attach:
-        message = f"Measuring slows down {in_a_row(names)}, which already {'runs' if len(names) == 1 else 'run'}."
-        raise RequestError(message, "Confirm it with --attach. Its settings are restored afterwards.")
+        message = (
+            f"{in_a_row(names)} already {'runs' if len(names) == 1 else 'run'}. Measuring slows "
+            f"{'it' if len(names) == 1 else 'them'} down."
+        )
+        raise RequestError(message, "Confirm with --attach. rarms restores the settings afterwards.")
     return tuple(experiments)
 
 
@@ -401,7 +404,7 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     place = hosts.manifest.places.key("components")
     return UseCaseError(
         Outcome.NEGATIVE,
-        [MISSING.at(place, "No component has an `apt`, so there is no reservation to search for.", advice)],
+        [MISSING.at(place, "No component has an `apt`. rarms needs thresholds to find a reservation.", advice)],
         hosts.manifest.sources,
     )
 
@@ -433,10 +436,10 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
                 UNABLE.at(
                     None,
                     (
-                        "{components:each} may run on: {_names}. rarms measures on simulated hosts, Linux hosts, and "
-                        "Hyper-V hosts with `hyperv.credential`. None of these hosts is one."
+                        "rarms cannot measure {components:each} on these hosts: {_names}. It measures on "
+                        "simulated hosts, Linux hosts, and Hyper-V hosts with `hyperv.credential`."
                     ),
-                    "Choose another with --host, or measure on a simulated host of the same platform.",
+                    "Choose another host with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
                     components=tuple(members),
                     hosts=tuple(host.name for host in allowed),
