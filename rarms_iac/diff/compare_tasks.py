@@ -10,7 +10,7 @@ from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
 from rarms_iac.model.wording import quoted
 
-GUEST_FIRST = Finding.note("RARMS157", "A task class of Windows in a new guest waits for the next plan")
+GUEST_FIRST = Finding.note("RARMS157", "The next plan replaces a task class of Windows in a new guest")
 
 
 _PATTERN = re.compile(r"[*?\[\]`]")

@@ -12,15 +12,15 @@ from rarms_iac.model.seen_host import PolicyScope, SeenHost
 from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
 from rarms_iac.model.wording import in_a_row, quoted
 
-LACKS = Finding.error("RARMS233", "The host lacks something that rarms needs")
+LACKS = Finding.error("RARMS233", "The host does not meet the requirements of rarms")
 
 RESPONSIVENESS_VALUE = Finding.warning("RARMS230", "Windows replaces the value of SystemResponsiveness")
-CORE_SCHEDULER = Finding.warning("RARMS234", "Under the core scheduler a virtual processor may take two logical ones")
-EXECUTION_POLICY = Finding.warning("RARMS241", "The execution policy keeps scripts from running")
+CORE_SCHEDULER = Finding.warning("RARMS234", "A virtual processor may use two logical processors")
+EXECUTION_POLICY = Finding.warning("RARMS241", "The execution policy blocks scripts")
 MINROOT = Finding.note("RARMS243", "The host's own Windows has fewer processors than the hypervisor")
 UNREAD_PROBE = Finding.note("RARMS249", "A part of the host could not be read")
 
-NOT_ELEVATED = Finding.warning("RARMS319", "The user may not change the host")
+NOT_ELEVATED = Finding.warning("RARMS319", "The user cannot change the host")
 LITTLE_MEMORY = Finding.warning("RARMS320", "The host has too little free memory to start its partitions")
 NO_COUNTERS = Finding.warning("RARMS321", "The hypervisor's counters are missing")
 SCRIPT_RUNNING = Finding.warning("RARMS323", "A script of rarms is running on the host")

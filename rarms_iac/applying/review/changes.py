@@ -21,10 +21,10 @@ from rarms_iac.texts.messages import suggestion
 
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")
 MEMORY_SHRINKS = Finding.warning("RARMS220", "A change takes memory from a partition")
-LIMIT_RAISED = Finding.warning("RARMS221", "A limit is below what the reserve needs")
-DISKS_STAY = Finding.note("RARMS224", "A removed machine leaves its disks behind")
+LIMIT_RAISED = Finding.warning("RARMS221", "A limit is below the reserve")
+DISKS_STAY = Finding.note("RARMS224", "The disks of a removed machine are kept")
 NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be undone")
-NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
+NOT_ASKED = Finding.warning("RARMS255", "A machine is turned off without a guest shutdown")
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk is kept although its removal was requested")
 STARTS_WITH_HOST = Finding.note("RARMS407", "A partition that starts with its host gets no starting reservation")

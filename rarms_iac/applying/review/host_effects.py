@@ -28,7 +28,7 @@ from rarms_iac.planner.sizes import OPEN, limit_in_manifest
 NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 
 
-UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
+UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "An unmanaged machine gets less processor time")
 
 SMT_COSTS = Finding.note("RARMS231", "SMT leaves logical processors idle")
 

@@ -22,7 +22,7 @@ from rarms_iac.model.quantities import in_processors, show_processors, write_byt
 from rarms_iac.model.system import Component, RunsOn, System
 from rarms_iac.model.wording import quoted
 
-TOO_LITTLE = Finding.warning("RARMS058", "Less than the components need")
+TOO_LITTLE = Finding.warning("RARMS058", "Too little memory or processor time for components")
 
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')

@@ -318,7 +318,7 @@ def _percent(actual: float, defined: int) -> int:
     return min(max(whole, 0), 100)
 
 
-ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
+ORPHANS = Finding.note("RARMS168", "A partition has processes that rarms did not start")
 OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off although rarms did not stop them")
 NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 
