@@ -190,7 +190,7 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
 
 def _advise_to_settle(finding: Diagnostic) -> Diagnostic:
     """Put the advice to settle a namesake before any other, if hosts have too little."""
-    advice = f"First resolve the machine that has the name of a partition ({FOREIGN_AT_NAME.code}): it takes room, too."
+    advice = f"First resolve {FOREIGN_AT_NAME.code}. A machine with the name of a partition uses capacity of the host."
     return replace(finding, advice=prose(advice)) if finding.code in NO_ROOM else finding
 
 

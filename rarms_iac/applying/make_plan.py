@@ -132,13 +132,15 @@ def _provisional(parts: Sequence[HostPlan], *, accepted: bool) -> Iterator[Diagn
     consent = prose(" To apply this plan anyway: ", PLAN_OUT.also(accept_provisional=True), ".")
     yield PROVISIONAL.at(
         None,
-        "{_names} from the first pass: estimates of short settings, without bounds.{_accepted}",
+        "{_names} provisional: estimated in the first pass, without bounds.{_accepted}",
         prose("Measure the rest: ", MEASURE, ".", *((consent,) if needs_consent else ())),
         address=f"partition/{names[0]}",
         partitions=names,
         accepted=accepted,
-        _names=f"{in_a_row(names)} {'has a reservation' if len(names) == 1 else 'have reservations'}",
-        _accepted=" This was accepted." if accepted else "",
+        _names=(
+            f"The reservation of {names[0]} is" if len(names) == 1 else f"The reservations of {in_a_row(names)} are"
+        ),
+        _accepted=" You accepted provisional reservations." if accepted else "",
     )
 
 

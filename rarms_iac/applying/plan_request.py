@@ -75,9 +75,9 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
             None,
             "`--target {target}`: this address does not exist.{_suggestion}",
             prose(
-                "Give an address such as partition/vision (",
+                "Give an address such as partition/vision, or omit the option. ",
                 command("plan", verbose=True),
-                " lists the changes), or omit the option.",
+                " lists the changes with their addresses.",
             ),
             address=target,
             target=target,

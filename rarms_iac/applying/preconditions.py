@@ -63,10 +63,14 @@ def _other_robot(
 ) -> Iterator[Diagnostic]:
     if robot in {"", application.robot}:
         return
-    own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, because no overlay was given"
+    own = (
+        f"This manifest is for the robot {quoted(application.robot)}."
+        if application.robot
+        else "No overlay of a robot was given."
+    )
     yield OTHERS_RUN.at(
         None,
-        "{_subject} the robot {robot:quoted}, but this manifest is for {_own}.",
+        "{_subject} the robot {robot:quoted}. {_own}",
         f"Nothing was changed. Check the host's address, or use that robot's overlay, {robot}.yaml, as the last "
         f"overlay.",
         address=address,
@@ -99,7 +103,7 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
     return NO_RIGHTS.of_host(
         facts.name,
         "On {host}, rarms {lack} manage machines. It cannot read or change them.",
-        "Run as an administrator of the host; on a simulated host, write `administrator: true`.",
+        "Run rarms as an administrator of the host. On a simulated host, write `administrator: true`.",
         place=place,
         rights=facts.rights.value,
         lack=lack,
@@ -121,7 +125,7 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
         yield SCHEDULER.of_host(
             facts.name,
             "{host} {why}: reserve, limit and weight of {_whose} would have no effect.",
-            f"{_scheduler_advice(facts)}, use another host, or accept RARMS159 at host/{facts.name}.",
+            f"{_scheduler_advice(facts)} Otherwise use another host, or accept RARMS159 at host/{facts.name}.",
             place=place,
             scheduler=facts.scheduler.value,
             why=why,
@@ -132,9 +136,8 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
             facts.name,
             "{host} does not report its scheduler, so reserve, limit and weight of {_whose} may have no effect.",
             (
-                "Restart the host: it then writes event 2 of Microsoft-Windows-Hyper-V-Hypervisor again. Or run "
-                "`bcdedit /enum {current}` there: reserves have no effect only if hypervisorschedulertype is "
-                "Root."
+                "Restart the host to log event 2 of Microsoft-Windows-Hyper-V-Hypervisor again. Or run `bcdedit "
+                "/enum {current}` on the host. Reserves have no effect if hypervisorschedulertype is Root."
             ),
             place=place,
             scheduler=facts.scheduler.value,
@@ -144,10 +147,10 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
 
 def _scheduler_advice(facts: HostFacts) -> str:
     if facts.client:
-        return "Install a Windows Server: a client supports only the root scheduler"
+        return "Install a Windows Server: a client supports only the root scheduler."
     return (
-        "Choose the core or the classic scheduler (`bcdedit /set hypervisorschedulertype core`; some builds want "
-        "`bcdedit /set {hypervisorsettings} hypervisorschedulertype core`) and restart the host"
+        "Run `bcdedit /set hypervisorschedulertype core` and restart the host. Some builds need `bcdedit /set "
+        "{hypervisorsettings} hypervisorschedulertype core`."
     )
 
 
@@ -197,8 +200,8 @@ def _clones(names: list[str], places: Places) -> Diagnostic:
             "machines were cloned from one image."
         ),
         (
-            "Check the addresses in `connect`. Give each clone its own machine id; otherwise proofs and "
-            "journals are mixed up."
+            "Check the addresses in `connect`. Give each clone its own machine id. Otherwise rarms mixes up "
+            "their proofs and journals."
         ),
         address=f"host/{names[0]}",
         hosts=tuple(names),
@@ -208,8 +211,8 @@ def _clones(names: list[str], places: Places) -> Diagnostic:
 def _slices(names: list[str], places: Places) -> Diagnostic:
     return ONE_MACHINE.at(
         places.key("hosts", names[0]),
-        "The hosts {hosts:all} are slices of one machine, and each reserves as if it had all processors.",
-        "Write them as one host, or reserve the part of the others with `keep_for_host`.",
+        "The hosts {hosts:all} are slices of one machine. rarms plans each slice with all processors of the machine.",
+        "Combine the slices into one host. Or keep the part of the other slices free with `keep_for_host`.",
         address=f"host/{names[0]}",
         hosts=tuple(names),
     )

@@ -47,9 +47,9 @@ NOT_ACCEPTED = Finding.error("RARMS109", "The plan has provisional reservations 
 UNSIGNED = Finding.error("RARMS341", "The plan is not signed with the key")
 
 _LEAVE = prose(APPLY_ABANDON, " to leave the host as it is.")
-GO_ON = prose("Run the same command again to finish it, ", UNDO, " to reverse it, or ", _LEAVE)
+GO_ON = prose("Run the same command again to finish the run, ", UNDO, " to reverse it, or ", _LEAVE)
 _NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
-_LOST = prose("rarms cannot restore that. Afterwards ", PLAN, " shows the differences to the manifest.")
+_LOST = prose("After the undo, run ", PLAN, " to show the differences to the manifest.")
 
 
 def not_accepted(plan: str, host: str, partitions: Sequence[str]) -> Diagnostic:
@@ -60,9 +60,9 @@ def not_accepted(plan: str, host: str, partitions: Sequence[str]) -> Diagnostic:
         prose(
             "Nothing was changed. Measure the rest: ",
             MEASURE,
-            ". Or record that you accept them: ",
+            ". Or accept the reservations in a plan file: ",
             PLAN_OUT.also(accept_provisional=True),
-            ", then apply that file.",
+            ". Then apply that file.",
         ),
         plan=plan,
         partitions=tuple(partitions),
@@ -73,7 +73,7 @@ def used(host: str, plan: str) -> Diagnostic:
     """Refuse a plan that was used, or that another run has overtaken."""
     return MOVED.of_host(
         host,
-        "Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
+        "Plan {plan} was applied to {host}, or another apply or undo has run there since the plan was made.",
         _NEW_PLAN,
         plan=plan,
     )
@@ -83,8 +83,8 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     """Refuse a plan whose host differs in these parts from what the plan saw."""
     return MOVED.of_host(
         host,
-        "On {host}, this changed since the plan was made: {differences:;}.",
-        prose("Nothing was changed. Show the changes with ", DRIFT, ", then make a new plan."),
+        "Changed on {host} since the plan was made: {differences:;}.",
+        prose("Nothing was changed. Show the changes with ", DRIFT, ". ", _NEW_PLAN),
         differences=tuple(parts),
     )
 
@@ -94,10 +94,10 @@ def different_host(host: str, serial: int, planned: int) -> Diagnostic:
     return MOVED.of_host(
         host,
         (
-            "{host} is not the host of the plan, or was restored from a backup: it has {serial} applies and "
-            "undos, the plan expects {planned_serial}."
+            "{host} is not the host of the plan, or was restored from a backup. The host has {serial} applies "
+            "and undos; the plan expects {planned_serial}."
         ),
-        "Nothing was changed. Check that the folder and the machine are correct, then make a new plan.",
+        sentences("Nothing was changed. Check that the folder and the machine are correct.", _NEW_PLAN),
         serial=serial,
         planned_serial=planned,
     )
@@ -108,9 +108,9 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     if isinstance(journal, Journal) and (other := begun_by_another_version(host, journal)) is not None:
         return other
     started = journal.started
-    either = prose(APPLY, " to finish it, ", UNDO, " to reverse it")
+    either = prose(APPLY, " to finish the run, ", UNDO, " to reverse it")
     if started.run is RunKind.UNDO:
-        either = prose(UNDO, " to finish it")
+        either = prose(UNDO, " to finish the run")
     return UNFINISHED.of_host(
         host,
         "{_run} on {host}, started by {owner}, is unfinished.",
@@ -128,11 +128,11 @@ def begun_by_another_version(host: str, journal: Journal) -> Diagnostic | None:
     if not journal.unfinished or started.rarms == __version__:
         return None
     advice = prose(
-        "Nothing was changed. If the host is reached over ssh, run ",
+        "Nothing was changed. On a host over ssh, run ",
         command("install", host=host),
-        f", which lets rarms {started.rarms} finish the run. Otherwise run ",
+        f" to finish the run with rarms {started.rarms}. Otherwise run ",
         APPLY,
-        f" of rarms {started.rarms}. Or run ",
+        f" with rarms {started.rarms}. Or run ",
         _LEAVE,
     )
     return UNFINISHED.of_host(
@@ -151,7 +151,11 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
     """Return the refusal of a signature, of a plan or of an unfinished run's journal, that the key does not fit."""
     subject = "The unfinished run" if is_begun else "The part"
     advice = (
-        prose("Check the journal. Close the run (", APPLY_ABANDON, "), or finish it in an environment without the key.")
+        prose(
+            "Check the journal. Then close the run with ",
+            APPLY_ABANDON,
+            ", or finish the run in an environment without the key.",
+        )
         if is_begun
         else prose("Make the plan again in an environment that has the key: ", PLAN_OUT, ".")
     )
@@ -192,7 +196,7 @@ def run_of_another(host: str, journal: Journal | ScriptRun, application: Applica
         advice = prose(f"Use that robot's overlay, {started.robot}.yaml, as the last overlay.")
     return OTHERS_RUN.of_host(
         host,
-        "{_run} on {host} belongs to the application {_begun_for}, started by {owner}. This manifest is for {_own}.",
+        "{_run} on {host}, started by {owner}, belongs to the application {_begun_for}. This manifest is for {_own}.",
         sentences("Nothing was changed.", advice),
         plan=started.plan,
         application=started.application,
@@ -277,7 +281,7 @@ def host_failed(error: HostError) -> Diagnostic:
 
 
 def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
-    """Report a host that bears marks of rarms and has no record of a run that made them."""
+    """Report a host that has marks of rarms and has no record of a run that made them."""
     return DAMAGED.of_host(
         host,
         "{_describe_missing_journal} rarms cannot undo anything there.",
@@ -289,8 +293,8 @@ def journal_missing(host: str, marked: Sequence[str]) -> Diagnostic:
 
 def describe_missing_journal(host: str, marked: Sequence[str]) -> str:
     """Say that the journal of a host is missing, and how that shows."""
-    bear = "bears" if len(marked) == 1 else "bear"
-    return f"The journal of {host} is missing: no run is recorded there, but {in_a_row(marked)} {bear} a mark of rarms."
+    have = "has" if len(marked) == 1 else "have"
+    return f"The journal of {host} is missing: no run is recorded, but {in_a_row(marked)} {have} a mark of rarms."
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
@@ -298,7 +302,7 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
     return STEP_FAILED.at(
         None,
         "{resource} on {host}: {difference}.",
-        prose("Another tool also changes it. Show the changes with ", DRIFT, "."),
+        prose("Another tool also changes this setting. Show the changes with ", DRIFT, "."),
         address=address,
         host=host,
         resource=address,
@@ -335,7 +339,7 @@ def undo_foreign(host: str, value: ForeignValue, *, can_keep: bool) -> Diagnosti
     keep = prose(f"To keep {value.applied}, run ", command("undo", keep=True), " instead.") if can_keep else ""
     return UNDO_FOREIGN.at(
         None,
-        "{resource} on {host}: {setting} {foreign} was not set by rarms; the apply set {applied}.",
+        "{resource} on {host}: rarms did not set {setting} {foreign}; the last apply set {applied}.",
         sentences(keep, set_again),
         address=str(value.address),
         host=host,

@@ -31,7 +31,7 @@ from rarms_iac.storage.marks import set_of_settings
 from rarms_iac.texts.messages import suggestion
 
 Locator = Callable[[Address], Place | None]
-_NOTHING_TO_IMPORT = prose("There is no machine to import. ", PLAN, " shows the partition as a new one.")
+_NOTHING_TO_IMPORT = prose("The host has no machine to import. ", PLAN, " shows the partition as new.")
 
 
 def requested_changes(state: State, request: PlanRequest, locate: Locator) -> Iterator[Change | Diagnostic]:
@@ -251,7 +251,7 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
             "Machine {machine} is already the partition {partition:quoted} of the application {application:quoted}."
         )
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
-        advice = prose("Release it first: ", command("release", mark.name), f"{manifest}.")
+        advice = prose("Release the machine first: ", command("release", mark.name), f"{manifest}.")
         return NO_TARGET.at(
             None, problem, advice, machine=machine.id, partition=mark.name, application=mark.application
         )
@@ -260,7 +260,7 @@ def _taken(state: State, application: str, name: str, machine: Partition) -> Dia
     if holder is None:
         return None
     problem = "Partition {partition:quoted} is already the machine {machine}."
-    advice = prose("Release that one first: ", command("release", name), ".")
+    advice = prose("Release that machine first: ", command("release", name), ".")
     return NO_TARGET.at(None, problem, advice, partition=name, machine=holder.id)
 
 
@@ -280,7 +280,7 @@ def _release_changes(state: State, request: PlanRequest, locate: Locator) -> Ite
             place,
             "{host} does not have a partition {partition:quoted} with the mark of {application:quoted}. "
             + ("Partitions with this mark: {managed:each}.{_suggestion}" if managed else "No partition has this mark."),
-            "Give one of these names." if managed else "There is no partition to release.",
+            "Give one of these names." if managed else "No partition can be released.",
             address=f"partition/{name}",
             host=state.facts.name,
             partition=name,

@@ -212,7 +212,7 @@ class RunListener:
                 return (RunEnding.DONE,)
             case ScriptExited(code=code, last_lines=lines) if code == 0 or (last is None and self._total):
                 said = " ".join([*self._other_lines, *lines[-3:]])
-                why = f"it ended with exit code {code} and without its last event{': ' if said else ''}{said}"
+                why = f"the script ended with exit code {code} before its last event{': ' if said else ''}{said}"
                 return RunEnding.FAILED, _unknown_ending(self._host, self._job.plan, why)
             case ScriptExited() if last is not None and last.status is EventStatus.STOPPED:
                 return (RunEnding.INTERRUPTED,)
@@ -239,8 +239,8 @@ def _unknown_ending(host: str, plan: str, why: str) -> Diagnostic:
     """Return the failure of a started script whose connection was lost before it said how it ended."""
     return UNKNOWN_ENDING.of_host(
         host,
-        "Plan {plan} on {host}: {reason}. The script may have changed the host, and may still be running.",
-        prose("Run ", APPLY, ": it reads the journal of the host and finishes the run."),
+        "Plan {plan} on {host}: {reason}. The script may have changed the host. It may still be running.",
+        prose("Run ", APPLY, " to read the journal of the host and finish the run."),
         plan=plan,
         reason=why,
     )
@@ -274,7 +274,7 @@ def _script_failed(host: str, at: str, printed: str, code: int) -> Diagnostic:
     return STEP_FAILED.at(
         None,
         "{_location}: {reason} (exit code {exit_code}).",
-        sentences("Correct that on the host.", GO_ON),
+        sentences("Correct the cause on the host.", GO_ON),
         address=at or f"host/{host}",
         host=host,
         resource=at,

@@ -43,20 +43,24 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
     unseen = {task.partition for task in host_plan.guest_tasks or ()}
     for inside in filter(None, insides(host_plan)):
         name = script_name(host_plan, inside)
-        how = "could not be read: the script decides by its own record" if inside in unseen else "was read"
+        how = (
+            "rarms could not read the guest, so the script decides by its own record."
+            if inside in unseen
+            else "rarms read the guest."
+        )
         yield BY_HAND.at(
             locate(Address(partition=inside)),
             (
-                "The task classes of {partition} are in its guest, which {_how}. The plan contains the script "
-                "that writes them, {script}, but applying the plan does not run it."
+                "The task classes of {partition} are in its guest. {_how} The plan contains the script {script} "
+                "for the guest, but `rarms apply` does not run it."
             ),
             prose(
-                "Write it out (",
+                "Write the script: ",
                 command("show", "PLAN", script=True, guest=inside, out="FOLDER"),
                 (
-                    "), copy it and its undo script into the guest, and run it there as administrator. To compare "
-                    "the guest in the next plan, run observe.ps1 inside and give its output: `--snapshot "
-                    f"{host_plan.host.name}.guest.{inside}=FILE`."
+                    ". Copy the script and its undo script into the guest, and run the script there as "
+                    "administrator. To compare the guest in the next plan, run observe.ps1 in the guest and give "
+                    f"its output: `--snapshot {host_plan.host.name}.guest.{inside}=FILE`."
                 ),
             ),
             address=f"partition/{inside}",

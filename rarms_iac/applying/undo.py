@@ -91,7 +91,7 @@ def _walk_back(host: StepwiseHost, origin: RunOrigin, control: RunControl, *, ke
         return _nothing_to_undo(host, journal)
     spared = repaired_addresses(journal) if keep else frozenset()
     if spared and not steps_undone(journal, spared):
-        why = f"everything that the last apply changed is kept: {in_a_row(sorted(map(str, spared)))}"
+        why = f"`--keep` keeps all changes of the last apply: {in_a_row(sorted(map(str, spared)))}"
         return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))
     if refused := without_rights(host):
         return refused
@@ -289,7 +289,7 @@ def raised_serials(serials: Mapping[str, int], application: str) -> Mapping[str,
 
 def _nothing_to_undo(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:
     why = (
-        "rarms has applied nothing there"
+        "rarms has not applied a plan there"
         if journal is None
         else f"the last run there was the undo of plan {journal.started.plan}"
     )

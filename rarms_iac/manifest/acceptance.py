@@ -27,7 +27,7 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
             yield UNKNOWN_NAME.at(
                 places.key(*path),
                 "The finding {code} does not exist.{_suggestion}",
-                "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
+                "Correct the id, or remove the acceptance. docs/diagnostics.md lists all findings.",
                 code=acceptance.code,
                 similar=similar,
                 _suggestion=suggestion,
@@ -40,7 +40,9 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
                     "accepted."
                 ),
                 prose(
-                    "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct the cause."
+                    "Remove the acceptance. To correct the cause, see ",
+                    command("explain", acceptance.code),
+                    ".",
                 ),
                 code=acceptance.code,
                 severity=severity_line(page),
@@ -49,7 +51,7 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
             yield NOT_IN_EFFECT.at(
                 places.value(*path, "until"),
                 "{code} was accepted until {until}, but today is {today} (UTC). The finding is shown again.",
-                "Correct its cause, or check the reason again and set a later day.",
+                "Correct the cause, or check the reason again and set a later day.",
                 code=acceptance.code,
                 until=str(acceptance.until),
                 today=str(today),
@@ -116,7 +118,10 @@ def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: P
             yield NOT_IN_EFFECT.at(
                 places.value("policy", "accept", acceptance.code, "at", number),
                 "{code} does not occur at {resource}.",
-                "Correct the address, or remove the acceptance. Without it, the finding is shown if it occurs again.",
+                (
+                    "Correct the address, or remove the acceptance. Without the acceptance, rarms shows the finding "
+                    "if it occurs again."
+                ),
                 code=acceptance.code,
                 resource=address,
             )

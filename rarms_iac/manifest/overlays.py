@@ -61,7 +61,7 @@ def combine(texts: Sequence[ParsedText]) -> tuple[Any, Places, list[Diagnostic]]
     for overlay in overlays:
         node = overlay.tree().root
         if not _is_mapping(node):
-            advice = "Write the keys that differ, as in the manifest."
+            advice = "Write the keys that differ from the manifest, with the same structure."
             wrong.append(
                 WRONG_VALUE.at(
                     place_of_node(node), "An overlay is a map, like the manifest.", advice, file=overlay.source.file
@@ -107,13 +107,13 @@ def _unknown_name(entry: Entry, kind: str, known: Sequence[str], suggestions: Su
     name, removes = entry.key.text, is_null(entry.value)
     similar, suggestion = suggestions.find(name, known)
     does = "removes" if removes else "adds"
-    advice = f"Correct the name; if the {kind} is new, give it `new: true`."
+    advice = f"Correct the name. If the {kind} is new, add `new: true`."
     if removes:
         advice = "Correct the name, or delete the line."
     facts: dict[str, Any] = {kind: name, "similar": similar, "removes": removes, "_suggestion": suggestion}
     return UNKNOWN_NAME.at(
         place_of_node(entry.key),
-        f"The overlay {does} the {kind} {{{kind}:quoted}}, which the manifest does not have.{{_suggestion}}",
+        f"The overlay {does} the {kind} {{{kind}:quoted}}, which is not in the manifest.{{_suggestion}}",
         advice,
         address=f"{kind}/{name}",
         **facts,

@@ -99,13 +99,13 @@ class Connect:
 class WinRmConnect:
     """Connection to a remote Windows by WinRM over HTTPS. rarms checks the certificate."""
 
-    winrm: Annotated[str, Form.HOST, Key("The name or address of the host, as in its certificate.")]
+    winrm: Annotated[str, Form.HOST, Key("The name or address of the host in its certificate.")]
     shell: Annotated[Shell, _SHELL] = "pwsh"
     receiver: Annotated[Receiver, _RECEIVER] = Receiver.SENT
     port: Annotated[Port | None, Key("The port of its HTTPS listener; absent: 5986.")] = None
     user: Annotated[
         Filled[str] | None,
-        Key("The account, such as `CELL\\rarms`; if it and `password` are absent: the account of the Kerberos ticket."),
+        Key("The account, such as `CELL\\rarms`; absent, with `password`: the account of the Kerberos ticket."),
     ] = None
     password: Annotated[
         FromEnvironment | None,

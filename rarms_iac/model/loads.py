@@ -35,13 +35,13 @@ class CommandLoad:
     """Any other program."""
 
     kind: ClassVar[str] = "command"
-    command: Annotated[Filled[tuple[str, ...]], Key("The program and its arguments, word by word.")]
+    command: Annotated[Filled[tuple[str, ...]], Key("The program and its arguments, each word an item.")]
     instances: Instances = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stress:
-    """Workers of stress-ng, which must be installed: `timer`, `hdd` (disk), `stream` (memory), `switch`, `sock`."""
+    """Workers of stress-ng, which must be installed."""
 
     kind: ClassVar[str] = "stress"
     stressor: Annotated[
@@ -65,7 +65,7 @@ class Bursts:
     """
 
     kind: ClassVar[str] = "bursts"
-    every: Annotated[PositiveTime, Key("The mean time from burst to burst without delays: `50 ms`.")]
+    every: Annotated[PositiveTime, Key("The mean time between the starts of two bursts without delays: `50 ms`.")]
     duty: Annotated[
         Percent | None,
         Quantity(kinds=(Unit.SHARE,), positive=True, most="100 %"),

@@ -56,18 +56,18 @@ class ServiceProperties:
         OneOrSeveral[Filled[str]], Key("Groups in addition to `run.groups`.", "SupplementaryGroups")
     ] = ()
     limit_memlock: Annotated[
-        Filled[str], Key("The memory in bytes that it may lock: `64M`, `infinity`.", "LimitMEMLOCK")
+        Filled[str], Key("The memory in bytes that the service may lock: `64M`, `infinity`.", "LimitMEMLOCK")
     ] = ""
     restart: Annotated[
         Literal["no", "on-success", "on-failure", "on-abnormal", "on-watchdog", "on-abort", "always"],
         Key("The condition for a restart by systemd.", "Restart"),
     ] = "no"
-    nice: Annotated[int | None, Within(-20, 19), Key("Its nice level.", "Nice")] = None
+    nice: Annotated[int | None, Within(-20, 19), Key("The nice level.", "Nice")] = None
     scheduling_policy: Annotated[
-        Literal["other", "batch", "idle", "fifo", "rr"], Key("Its scheduling policy.", "CPUSchedulingPolicy")
+        Literal["other", "batch", "idle", "fifo", "rr"], Key("The scheduling policy.", "CPUSchedulingPolicy")
     ] = "other"
     scheduling_priority: Annotated[
-        int | None, Within(1, 99), Key("Its priority, with `fifo` and `rr`.", "CPUSchedulingPriority")
+        int | None, Within(1, 99), Key("The priority, with `fifo` and `rr`.", "CPUSchedulingPriority")
     ] = None
 
 
@@ -75,8 +75,8 @@ class ServiceProperties:
 class Service:
     """A transient service of systemd in the slice of the component's partition."""
 
-    exec: Annotated[Filled[tuple[str, ...]], Key("The program and its arguments, word by word.")]
-    properties: Annotated[ServiceProperties, Key("Properties of its systemd unit.")] = ServiceProperties()
+    exec: Annotated[Filled[tuple[str, ...]], Key("The program and its arguments, each word an item.")]
+    properties: Annotated[ServiceProperties, Key("The properties of the systemd unit.")] = ServiceProperties()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -331,7 +331,7 @@ class Run(Process):
         PositiveTime | None, Key("The response time from which a job is late; absent: the period, if it has one.")
     ] = None
     until: Annotated[SampleCount | Elapsed | None, Key("The end of a setting; absent: after 200 samples.")] = None
-    timeout: Annotated[PositiveTime, Key("The time-out of a job, after which it is a failed sample: `60 s`.")] = (
+    timeout: Annotated[PositiveTime, Key("The time-out of a job: `60 s`. A longer job is a failed sample.")] = (
         Milliseconds(Fraction(60_000))
     )
     failures: Annotated[

@@ -117,7 +117,7 @@ class TaskCategory(StrEnum):
 class Application:
     """The name and the purpose of the application."""
 
-    name: Annotated[Name, Key("The application's name, which is part of all marks.")]
+    name: Annotated[Name, Key("The name of the application; all marks contain it.")]
     description: Annotated[str, Key("A description for readers.")] = ""
     requires_rarms: Annotated[
         str | None, Form.LEAST_VERSION, Key("The smallest version of rarms for this manifest: `>=0.2`.")
@@ -156,9 +156,9 @@ Threshold = AtMost | AtLeast
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRequest:
-    """A larger reservation for the time of a start."""
+    """A larger reservation during a start."""
 
-    reserve: Annotated[PositiveAmount, Key("The reservation at its start: `1 LP`, or a share of the host `50 %`.")]
+    reserve: Annotated[PositiveAmount, Key("The reservation during the start: `1 LP`, or a share of the host `50 %`.")]
     time: Annotated[
         Milliseconds,
         Quantity(kinds=(Unit.TIME,), positive=True, most="5 min"),
@@ -217,7 +217,7 @@ class Simulation:
 class ThreadsTask:
     """The task class of some threads of a component, by their names, without a change of the program (Linux)."""
 
-    task_class: Annotated[TaskName, Key("The task class, as in `task: NAME`.", "class")]
+    task_class: Annotated[TaskName, Key("The name of the task class.", "class")]
     threads: Annotated[
         Filled[tuple[ThreadPattern, ...]],
         Key(
@@ -262,7 +262,7 @@ class Component:
     cpu: Annotated[CpuRequest, Key("Fixed CPU settings: reserve, limit, weight.")] = CpuRequest()
     together: Annotated[tuple[Name, ...], Key("Components that must share its partition.")] = ()
     apart: Annotated[tuple[Name, ...], Key("Components that must never share its partition.")] = ()
-    dedicated: Annotated[bool, Key("Whether it must be alone in its partition.")] = False
+    dedicated: Annotated[bool, Key("Whether the component must be alone in its partition.")] = False
     hosts: Annotated[
         Filled[tuple[Name, ...]] | None,
         Key("The permitted hosts; absent: all hosts for which it is measured, or all hosts if its reserve is fixed."),
@@ -334,7 +334,10 @@ class Guest:
     windows_build: Annotated[
         int | None,
         Within(2600, 99999),
-        Key("The build of its Windows, if the guest does not report it. From 10240, memory can change while it runs."),
+        Key(
+            "The build of its Windows, if the guest does not report the build. From build 10240, the memory of a "
+            "running guest can change."
+        ),
     ] = None
 
 
@@ -349,8 +352,8 @@ class PartitionStop:
         Milliseconds,
         Quantity(kinds=(Unit.TIME,), most="1 h"),
         Key(
-            "The time for its guest to shut down before it is turned off: `90 s`; at most 1 h. On Hyper-V, "
-            "the second half is a forced shutdown, at most five minutes."
+            "The time for the guest to shut down before its machine is turned off: `90 s`; at most 1 h. On "
+            "Hyper-V, the second half is a forced shutdown, at most five minutes."
         ),
     ] = GRACE
 
@@ -402,7 +405,7 @@ class TaskRequest:
         Level, Key("The priority in category Medium, 1 to 8; larger runs first, and 8 counts as 7.")
     ] = None
     background_priority: Annotated[Level, Key("The priority in category Low, 1 to 8; larger runs first.")] = None
-    replace_shipped: Annotated[bool, Key("Allows rarms to change a task class that comes with Windows.")] = False
+    replace_shipped: Annotated[bool, Key("Whether rarms may change a task class that comes with Windows.")] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -410,7 +413,7 @@ class Acceptance:
     """An accepted finding."""
 
     code: OwnName
-    at: Annotated[Filled[tuple[Filled[str], ...]], Key("The addresses, as in the finding.")]
+    at: Annotated[Filled[tuple[Filled[str], ...]], Key("The addresses in the finding.")]
     reason: Annotated[str, Key("The reason.")] = ""
     until: Annotated[
         date | None, Form.DAY, Key("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")
@@ -523,7 +526,7 @@ class System:
     tasks: Annotated[Mapping[TaskName, TaskRequest], Key("Fixed settings of robotic task classes, by name.")] = field(
         default_factory=dict
     )
-    policy: Annotated[Policy, Key("Permissions and preferences for rarms.")] = Policy()
+    policy: Annotated[Policy, Key("Permissions and preferences of rarms.")] = Policy()
     moved: Annotated[
         Mapping[Name, Name],
         Key("Renamed partitions, old name to new name. rarms then does not replace them."),

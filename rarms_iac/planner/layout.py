@@ -143,14 +143,18 @@ def describe_ways_out(ways: Sequence[Relaxation]) -> Wording:
         ways: out of a layout that does not fit; none: none was found.
     """
     if not ways:
-        return "None of the tried changes is enough: remove a component, or add a host."
+        return "None of the tried changes is enough. Remove a component, or add a host."
     certain = [way for way in ways if way.kind is RelaxationKind.CERTAIN]
     lines: list[Wording] = [f"- {in_a_list(way.changes)}" for way in certain]
     if len(certain) == 1:
-        head = "This would fit: " if len(certain[0].changes) == 1 else "All of these together would fit:\n  - "
+        head = (
+            "This change would be enough: "
+            if len(certain[0].changes) == 1
+            else "All of these changes together would be enough:\n  - "
+        )
         lines = [head + "\n  - ".join(certain[0].changes) + "."]
     elif certain:
-        lines.insert(0, "Each of these alone would fit:")
+        lines.insert(0, "Each of these changes alone would be enough:")
     first = list(takewhile(lambda way: way.kind is not RelaxationKind.CERTAIN, ways))
     last = [way for way in ways if way.kind is not RelaxationKind.CERTAIN and way not in first]
     lines = [*map(describe_possibility, first), *lines, *map(describe_possibility, last)]
@@ -241,7 +245,7 @@ def smaller_host_findings(seen: SeenHost, places: Places) -> Iterator[Diagnostic
         yield planning_findings.SMALLER.of_host(
             host.name,
             "{host} has {_has}, but the manifest has {_says}. The plan uses the value of the host.",
-            "Write this value, or less.",
+            "Write the value of the host, or less.",
             place=places.value("hosts", host.name, "memory"),
             has_memory_bytes=facts.memory,
             manifest_memory_bytes=host.memory,
@@ -309,9 +313,11 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
     gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
     yield planning_findings.NOT_PROVEN.at(
         places.key("application"),
-        "The layout reserves {_reserved}, at most {_gap} more than needed, and moves {moves:partition}, of "
-        "which at least {moves_bound} must move.",
-        "It fits and can be applied.",
+        (
+            "The layout reserves {_reserved}, at most {_gap} more than needed. It moves {moves:partition}; at least "
+            "{moves_bound} must move."
+        ),
+        "You can apply this layout.",
         reserved_lp=placement.reserved / 100,
         reserved_bound_lp=placement.reserved_bound / 100,
         moves=placement.moves,
@@ -332,7 +338,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             yield NOT_PROVEN.at(
                 places.key("partitions", partition.name),
                 "{partition} stays on {host}; on {other_host} it would reserve {_best} instead of {_reserved:lp}.",
-                "If it may be removed and created again, allow `--max-disruption removal`.",
+                "If rarms may remove the partition and create it again, allow `--max-disruption removal`.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 host=partition.host,

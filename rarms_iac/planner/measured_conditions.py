@@ -59,8 +59,10 @@ def little_memory(names: tuple[str, ...], memory: int, found: LookedUp, places: 
     enough = ceil(MEMORY_FACTOR * found.memory_peak / _MEBIBYTE) * _MEBIBYTE
     yield planning_findings.LITTLE_MEMORY.at(
         places.value("components", names[0], "memory"),
-        "{components:all} used up to {_peak} while measured, and {_have} {_memory}. The kernel ends processes at the "
-        "limit.",
+        (
+            "{components:all} used up to {_peak} in the measurement, and {_have} {_memory}. The kernel ends "
+            "processes at the limit."
+        ),
         prose(
             f"Write `memory: {write_bytes(enough)}` or more, 1.2 times the peak. The data log is valid for the "
             "present memory only. Then measure again: ",

@@ -129,7 +129,7 @@ def deadline_problems(
     for partition, group in partitions:
         if len(group.members) > 1:
             message = f"{partition.name} has {len(group.members)} components, but a deadline applies to one thread."
-            yield partition.name, message, "Give each its own partition, or use `share` or `quota`."
+            yield partition.name, message, "Give each component its own partition, or use `share` or `quota`."
         elif group.members[0].task_class:
             message = f"{group.members[0].name} has a task class, but a thread has either a deadline or a priority."
             yield partition.name, message, "Remove `task`, or use `share` or `quota`, which work with task classes."
@@ -142,7 +142,7 @@ def deadline_problems(
     }
     if not admitted:
         message = f"The control groups of {host.name} have only some of its {processors} processors."
-        message += " The kernel refuses SCHED_DEADLINE to a thread that may not run on all of them."
+        message += " The kernel refuses SCHED_DEADLINE to a thread that cannot run on all processors."
         yield name, message, "Give the groups all processors (cpuset.cpus), or use `share` or `quota`."
     elif sum(wanted.values()) > admitted * processors:
         sizes = " + ".join(f"{percent} % ({partition})" for partition, percent in wanted.items())

@@ -81,7 +81,7 @@ def _member_findings(
                 "{indexes:all} of {component} depends on the {other_partitions:other partition} on {host}: "
                 "their work within a window of {window_ms:ms} changes it."
             ),
-            prose("Prove it in the applied layout: ", command("prove"), "."),
+            prose("Prove the applied layout: ", command("prove"), "."),
             address=f"component/{member.name}",
             indexes=tuple(tails),
             _do="does" if around.others == 1 else "do",
@@ -92,23 +92,21 @@ def _member_findings(
 def _steady_loads_finding(
     member: Component, indexes: Sequence[str], work_ms: float | None, values: dict[str, Any], places: Places
 ) -> Diagnostic:
-    late = f"up to {SCHEDULER_WINDOW_MS} ms later than that"
+    late = f"up to {SCHEDULER_WINDOW_MS} ms later than measured"
     if work_ms is not None:
         late = (
-            f"{show_milliseconds(round(work_ms + SCHEDULER_WINDOW_MS))} after they are due: "
-            f"{show_milliseconds(round(work_ms))} of work by its reservation, and a window of {SCHEDULER_WINDOW_MS} ms"
+            f"{show_milliseconds(round(work_ms + SCHEDULER_WINDOW_MS))} after their due time: "
+            f"{show_milliseconds(round(work_ms))} of work by its reservation, and a window of "
+            f"{SCHEDULER_WINDOW_MS} ms"
         )
     return planning_findings.MEASURED_STEADY.at(
         places.key("components", member.name, "apt", indexes[0]),
         (
-            "{component} was measured only under loads that never pause. With partitions that pause, its "
-            "jobs may answer {_late}; too late for {_tails:all}."
+            "{component} was measured only under loads that never pause. If other partitions pause, its jobs may "
+            "answer {_late}. This is too late for {_tails:all}."
         ),
         prose(
-            (
-                "Also measure it under bursts (`policy.interference`, docs/measuring.md), and prove it in the "
-                "applied layout: "
-            ),
+            "Also measure with bursts in `policy.interference` (docs/measuring.md). Then prove the applied layout: ",
             command("prove"),
             ".",
         ),

@@ -51,7 +51,7 @@ def real_time_findings(answer: Layout, problem: Problem, places: Places) -> Iter
                         places.key("components", member.name, "task"),
                         "Threads of {component} get a real-time priority on {host}, where such threads may use all of "
                         "each processor (sched_rt_runtime_us).",
-                        f"Set it on {host.name}: `sysctl kernel.sched_rt_runtime_us=950000`.",
+                        f"Run on {host.name}: `sysctl kernel.sched_rt_runtime_us=950000`.",
                         address=f"component/{member.name}",
                         component=member.name,
                         host=host.name,

@@ -186,7 +186,7 @@ def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, proces
     if reserve > 100:
         return UNUSABLE_RESERVE.at(
             None,
-            "{partition} reserves {needs:lp}, but {_width} cannot use that. It needs at least {_least}.",
+            "{partition} reserves {needs:lp}, but has only {_width}. It needs at least {_least}.",
             "Give the partition or the component more `processors`, or lower the reserve.",
             address=f"partition/{group.name}",
             partition=group.name,

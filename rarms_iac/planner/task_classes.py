@@ -182,7 +182,7 @@ def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: s
         ),
         (
             "If this is acceptable, no action is needed. With at most eight criticalities in one operating "
-            "system, there is room between the priorities."
+            "system, the priorities differ by more than one."
         ),
         address=_address(inside, upper.name),
         _raised=raised,
@@ -203,8 +203,8 @@ def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: st
             "share, MMCSS lowers it and {_first}."
         ),
         (
-            "If this is acceptable, no action is needed: it is the time that SystemResponsiveness leaves to "
-            "other threads. Up to four criticalities in one operating system all fit in Medium."
+            "If this is acceptable, no action is needed. SystemResponsiveness leaves this time to other threads. "
+            "Up to four criticalities in one operating system all fit in Medium."
         ),
         address=_address(inside, lower.name),
         _first=first,

@@ -298,16 +298,16 @@ def _not_met(
             "{log}: at {highest_percent:%} of its VPs the samples do not show whether {_indexes} meets its threshold."
         )
         advice = prose(
-            "More samples may show it. ",
+            "More samples may give a verdict. ",
             log.again,
-            " shows the number, and the time for `policy.measuring.setting`.",
+            " shows the number of samples and the time for `policy.measuring.setting`.",
         )
     elif highest < WHOLE:
-        template = "No setting of {log} meets {_indexes}: the highest is {_settings}."
+        template = "No setting of {log} meets {_indexes}. The highest setting is {_settings}."
         advice = prose(relax, "or measure higher settings, if the host can give them: ", log.again, ".")
     else:
-        template = "No setting of {log} meets {_indexes}, not even with all of its VPs."
-        advice = prose(relax, "make the component cheaper, or use a faster platform.")
+        template = "No setting of {log} meets {_indexes}, even at 100 % of its VPs."
+        advice = prose(relax, "make the component faster, or use a faster platform.")
     return not_measured(
         planning_findings.NOT_MET,
         names,

@@ -174,7 +174,7 @@ def test_refusal_names_partition_that_would_have_to_move() -> None:
     assert refused.plan is None
     (finding,) = [finding for finding in refused.findings if finding.severity is Severity.ERROR]
     assert finding.values["would_move"] in {("a",), ("b",)}
-    assert "They fit if partitions may move" in finding.detail
+    assert "The partitions fit if they may move" in finding.detail
     assert "--max-disruption removal" in str(finding.advice)
     assert moved.plan is not None
 

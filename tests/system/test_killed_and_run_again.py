@@ -60,7 +60,7 @@ def test_killed_undo_is_not_applied_again_unasked(tmp_path: Path) -> None:
         refused = rarms("plan")
         applied = rarms("apply")
 
-    assert "Otherwise run `rarms undo` to finish it" in " ".join(refused.err.split())
+    assert "Otherwise run `rarms undo` to finish the run" in " ".join(refused.err.split())
     assert (refused.code, applied.code) == (3, 64), "it finishes the undo, and then there is no terminal to ask at"
     assert [len(machines_on(start, host)) for host in ("left", "right")] == [0, 1]
 

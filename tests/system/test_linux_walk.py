@@ -62,7 +62,7 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
 
     undone = rarms("undo", *where, "--auto-approve")
     assert undone.code == 0
-    assert "limit 1.2 LP was not set by rarms; the apply set 0.8 LP." in " ".join(undone.err.split())
+    assert "rarms did not set limit 1.2 LP; the last apply set 0.8 LP." in " ".join(undone.err.split())
     assert tree.read(vision).quota_percent == pytest.approx(120, abs=0.1)
     assert rarms("destroy", *where, "--auto-approve").code == 0
     assert tree.names() == ()

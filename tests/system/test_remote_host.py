@@ -194,7 +194,7 @@ def test_broken_connection_is_unknown_and_finished_later(remote: Remote) -> None
     lost = finish(running)
     assert lost.code == 1, lost
     assert "RARMS250" in lost.err
-    assert "Run `rarms apply`: it reads the journal of the host" in " ".join(lost.err.split())
+    assert "Run `rarms apply` to read the journal of the host" in " ".join(lost.err.split())
     remote.ask()
     finished = apply(remote)
     while finished.code == 3:  # the script there goes on until its next step
@@ -236,7 +236,7 @@ def test_elevated_apply_does_what_plain_cannot(remote: Remote) -> None:
     examined = remote.rarms("doctor")
     remote.put(an_empty_host())
 
-    assert "Run `rarms apply` from a prompt that was opened with" in " ".join(examined.out.split())
+    assert "Run `rarms apply` from a prompt opened with" in " ".join(examined.out.split())
     assert apply(remote).code == 0
 
 

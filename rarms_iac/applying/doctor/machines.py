@@ -47,8 +47,10 @@ def check_unequal_processors(host: SeenHost) -> Iterator[Diagnostic]:
             host.name,
             "The logical processors of {host} are of {_kinds} kinds: {_words}. A measurement on one kind is not valid "
             "on the other.",
-            "Turn SMT off, or turn off the processors of one kind in the firmware or the operating system; then "
-            "measure again. Otherwise raise the reserves until `rarms prove` passes.",
+            (
+                "Turn SMT off, or turn off the processors of one kind in the firmware or the operating system. Then "
+                "measure again. Otherwise raise the reserves until `rarms prove` passes."
+            ),
             processors=tuple(str(kind.processors) for kind in kinds),
             _kinds=len(kinds),
             _words=in_a_row(list(map(_words, kinds))),
@@ -71,12 +73,14 @@ def check_cpu_group(host: SeenHost) -> Iterator[Diagnostic]:
             yield _finding(
                 host,
                 machine,
-                "{_title} on {host} is in the CPU group {group}. It gets only the "
-                "logical processors and the cap of its group; rarms counts it against the whole host.",
+                (
+                    "{_title} on {host} is in the CPU group {group}. The group limits its logical processors and "
+                    "processor time. rarms plans with the whole host."
+                ),
                 (
                     "Remove it from the group (`CpuGroups.exe SetVmGroup /VmName:NAME "
-                    "/GroupId:00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for "
-                    "its reserve."
+                    "/GroupId:00000000-0000-0000-0000-000000000000`), or check by hand that the group has enough "
+                    "processor time for the reserve."
                 ),
                 CPU_GROUP,
                 group=machine.cpu_group,
@@ -91,11 +95,13 @@ def check_cluster(host: SeenHost) -> Iterator[Diagnostic]:
                 host,
                 machine,
                 (
-                    "{_title} on {host} belongs to a failover cluster. It may move to or from another host, with "
-                    "its reserve."
+                    "{_title} on {host} belongs to a failover cluster. The cluster may move the machine and its "
+                    "reserve to or from another host."
                 ),
-                "Keep robots' partitions out of the cluster. After a change of memory or devices run "
-                "`Update-ClusterVirtualMachineConfiguration`, and plan again after a move.",
+                (
+                    "Keep robots' partitions out of the cluster. After a change of memory or devices, run "
+                    "`Update-ClusterVirtualMachineConfiguration`. After a move, plan again."
+                ),
             )
 
 
@@ -106,9 +112,14 @@ def check_machine_state(host: SeenHost) -> Iterator[Diagnostic]:
             yield _finding(
                 host,
                 machine,
-                "{_title} on {host} is in a critical state: its storage cannot be reached. It "
-                "can only be turned off or removed.",
-                "Restore its storage (a disk is offline, full or disconnected), then run the same command again.",
+                (
+                    "{_title} on {host} is in a critical state: Hyper-V cannot reach its storage. You can only turn "
+                    "the machine off or remove it."
+                ),
+                (
+                    "Check for a disk that is offline, full or disconnected. Restore the storage, then run the same "
+                    "command again."
+                ),
                 state=machine.state.value,
             )
 
@@ -121,13 +132,13 @@ def check_guest_answers(host: SeenHost) -> Iterator[Diagnostic]:
                 host,
                 machine,
                 (
-                    "{_title} on {host} runs, but its guest does not respond. rarms cannot shut it down or start "
-                    "programs in it."
+                    "{_title} on {host} runs, but its guest does not respond. rarms cannot shut the guest down "
+                    "or start programs in it."
                 ),
                 (
-                    "Wait until it has booted. Otherwise check the integration services on the host "
-                    "(`Get-VMIntegrationService`, `Enable-VMIntegrationService`) and the services vmicshutdown and "
-                    "vmicvmsession in the guest."
+                    "Wait until the guest has booted. Otherwise check the integration services on the host "
+                    "(`Get-VMIntegrationService`, `Enable-VMIntegrationService`) and the services vmicshutdown "
+                    "and vmicvmsession in the guest."
                 ),
             )
 
@@ -142,9 +153,11 @@ def check_machine_width(host: SeenHost) -> Iterator[Diagnostic]:
             yield _finding(
                 host,
                 machine,
-                "{_title} has {processors} virtual processors, {host} {host_lp} logical "
-                "ones: the hypervisor does not guarantee its reserve{_lost}.",
-                f"Turn it off, and give it at most {available} processors.",
+                (
+                    "{_title} has {processors} virtual processors; {host} has {host_lp} logical processors. The "
+                    "hypervisor does not guarantee the reserve of the machine{_lost}."
+                ),
+                f"Turn the machine off, and give it at most {available} processors.",
                 processors=count,
                 host_lp=available,
                 _lost=lost,

@@ -48,11 +48,15 @@ def check_hypervisor(host: SeenHost) -> Iterator[Diagnostic]:
     if condition.role is False:
         yield LACKS.of_host(
             host.name,
-            "{host}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
-            "Hyper-V is not installed.",
-            "Install it: on a server `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart`, on a "
-            "client `Enable-WindowsOptionalFeature -Online -FeatureName Microsoft-Hyper-V -All`. If this is the "
-            "Windows inside a machine, look at its host instead.",
+            (
+                "{host} does not have the role Hyper-V: its Windows has no WMI namespace root\\virtualization\\v2 "
+                "(error 0x8004100e)."
+            ),
+            (
+                "Install the role. On a server, run `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools "
+                "-Restart`. On a client, run `Enable-WindowsOptionalFeature -Online -FeatureName Microsoft-Hyper-V "
+                "-All`. If this Windows runs inside a machine, check the host of that machine instead."
+            ),
             role=False,
         )
     elif condition.hypervisor_running is False:
@@ -74,14 +78,13 @@ def check_elevation(host: SeenHost) -> Iterator[Diagnostic]:
         yield NOT_ELEVATED.of_host(
             host.name,
             (
-                "{host} was read{_group} without elevation. This is enough to plan. To change the host, scripts "
-                "also write to HKLM and %ProgramData%\\rarms, which only administrators may."
+                "{host} was read{_group} without elevation. This is enough to plan. Scripts that change the host "
+                "also write to HKLM and %ProgramData%\\rarms. Only an elevated administrator can write there."
             ),
             prose(
                 "Run ",
                 APPLY,
-                ' from a prompt that was opened with "Run as administrator", or over ssh as an administrator '
-                "of the host.",
+                ' from a prompt opened with "Run as administrator", or over ssh as an administrator of the host.',
             ),
             hyperv_administrator=bool(host.condition.hyperv_administrator),
             _group=group,
@@ -120,7 +123,7 @@ def check_counters(host: SeenHost) -> Iterator[Diagnostic]:
                 "{host}: WMI does not have the counters of the hypervisor's logical processors. They show "
                 "whether a partition gets its reserve."
             ),
-            "Register them again, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
+            "Register the counters again in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
         )
 
 
@@ -130,10 +133,10 @@ def check_running_script(host: SeenHost) -> Iterator[Diagnostic]:
         yield SCRIPT_RUNNING.of_host(
             host.name,
             (
-                "{host}: a script of rarms is running there (%ProgramData%\\rarms\\owner.txt has its owner). The "
-                "host may have been read in the middle of its changes."
+                "A script of rarms is running on {host}. %ProgramData%\\rarms\\owner.txt names its owner. rarms "
+                "may have read the host in the middle of a change."
             ),
-            "Wait until it has ended, then run the same command again.",
+            "Wait until the script has ended, then run the same command again.",
         )
 
 
@@ -175,9 +178,11 @@ def check_module(host: SeenHost) -> Iterator[Diagnostic]:
         yield LACKS.of_host(
             host.name,
             "{host}: PowerShell does not have the module Hyper-V.",
-            "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
-            "-IncludeManagementTools`), on a client Windows the feature "
-            "`Microsoft-Hyper-V-Management-PowerShell`.",
+            (
+                "Install the module. On a server, run `Install-WindowsFeature Hyper-V-PowerShell`. To install the "
+                "role, too, run `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools`. On a client Windows, "
+                "install the feature `Microsoft-Hyper-V-Management-PowerShell`."
+            ),
         )
 
 
@@ -188,7 +193,7 @@ def check_core_scheduler(host: SeenHost) -> Iterator[Diagnostic]:
         yield CORE_SCHEDULER.of_host(
             host.name,
             (
-                "{host} has SMT and the core scheduler. Machines never share a core. A virtual processor takes "
+                "{host} has SMT and the core scheduler. Machines never share a core. A virtual processor uses "
                 "both threads of a core if its machine does not use SMT."
             ),
             (
@@ -206,7 +211,10 @@ def check_powershell_version(host: SeenHost) -> Iterator[Diagnostic]:
         yield LACKS.of_host(
             host.name,
             "{host} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
-            "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
+            (
+                "Install Windows Management Framework 5.1 or PowerShell 7 on the host. Windows 10 and Server 2016 "
+                "include 5.1."
+            ),
             version=version,
         )
 
@@ -239,18 +247,12 @@ def check_execution_policy(host: SeenHost) -> Iterator[Diagnostic]:
 
 def _policy_finding(host: SeenHost, problem: str, *, is_group_policy: bool) -> Diagnostic:
     if is_group_policy:
-        effect = (
-            "The group policy has priority over the policy that rarms starts PowerShell with. Unsigned "
-            "scripts do not run."
-        )
+        effect = "The group policy overrides the policy of rarms. Unsigned scripts do not run."
         advice = "Allow RemoteSigned on this host in the group policy, or put signed scripts into .rarms/signed."
     else:
-        effect = (
-            "`rarms apply` is not affected, because it sets the policy of its own processes. Scripts that "
-            "you start by hand are."
-        )
+        effect = "This affects only scripts that you start by hand. `rarms apply` sets the policy of its own processes."
         advice = (
-            "Start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`. If the "
+            "Start such scripts with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`. If the "
             "script came by mail or a browser, first run `Unblock-File SCRIPT`."
         )
     return EXECUTION_POLICY.of_host(
@@ -269,11 +271,13 @@ def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
         yield LACKS.of_host(
             host.name,
             (
-                "{host} was read with a {bits}-bit PowerShell. It sees another part of the registry, so the task "
-                "classes are wrong."
+                "rarms read {host} with a {bits}-bit PowerShell. Such a PowerShell reads another part of the "
+                "registry, so the task classes are wrong."
             ),
-            "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
-            "SysWOW64 or of a 32-bit program.",
+            (
+                "Start the 64-bit PowerShell: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`. Do not "
+                "start the PowerShell in SysWOW64 or that of a 32-bit program."
+            ),
             bits=bits,
         )
 
@@ -285,12 +289,12 @@ def check_minroot(host: SeenHost) -> Iterator[Diagnostic]:
         yield MINROOT.of_host(
             host.name,
             (
-                "{host}: its own Windows has {seen_lp} logical processors, the hypervisor {host_lp}. Machines "
-                "may still run on all of them."
+                "The Windows of {host} itself has {seen_lp} logical processors; its hypervisor has {host_lp}. "
+                "Machines can use all {host_lp}."
             ),
             (
-                "No action is needed if `bcdedit /set hypervisorrootproc` is set on purpose. Components with "
-                "`runs_on: host` have only these processors."
+                "If `bcdedit /set hypervisorrootproc` is set on purpose, no action is needed. Components with "
+                "`runs_on: host` can use only the processors of Windows."
             ),
             host_lp=total,
             seen_lp=visible,
@@ -304,8 +308,8 @@ def check_unread_probes(host: SeenHost) -> Iterator[Diagnostic]:
             host.name,
             "{host}: {subject} could not be read: {reason}.",
             (
-                "Run this as a member of Administrators in an elevated PowerShell. If the host does not have "
-                "this part, no action is needed."
+                "Run the command as a member of Administrators in an elevated PowerShell. If the host does not "
+                "have this part, no action is needed."
             ),
             subject=subject,
             reason=why,

@@ -43,7 +43,7 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
             yield CHANGED_OUTSIDE.at(
                 addresses[address].reason.place,
                 "{resource} on {host}: {difference}. This plan restores the value of the manifest.",
-                prose("Find out who did it: ", DRIFT, " shows the differences, ", HISTORY, " the changes of rarms."),
+                prose("Find the cause: ", DRIFT, " shows the differences. ", HISTORY, " shows the changes of rarms."),
                 address=str(drift.address),
                 host=desired.host,
                 resource=str(drift.address),
@@ -61,8 +61,8 @@ def review_starts(plan: HostPlan) -> Iterator[Diagnostic]:
         yield STARTS_WITH_HOST.at(
             names[name],
             (
-                "{partition} gets `starting.reserve` only when rarms starts it. When it starts with {host}, it "
-                "has its normal reservation."
+                "{partition} gets `starting.reserve` only if rarms starts the partition. If the partition starts "
+                "with {host}, it has its normal reservation."
             ),
             "Restart the host, and test whether the components meet their thresholds.",
             address=f"partition/{name}",
@@ -84,8 +84,8 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
         yield GENERATION.at(
             step.place,
             (
-                '"{partition}" has generation 2, which needs .vhdx disks, but its disk would be a child of '
-                "{image} and have that format."
+                '"{partition}" has generation 2 and needs a .vhdx disk. A child disk of {image} has the format '
+                "of this image."
             ),
             "Convert the image to .vhdx (`Convert-VHD`), or write `generation: 1` for this partition.",
             address=str(step.address),
@@ -99,11 +99,11 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
     switches = desired.seen.state.switches
     if has_switch(switches, creation.switch) or switches is None:
         return
-    known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
+    known = f"Existing switches: {', '.join(sorted(switches))}." if switches else "The host has no virtual switch."
     yield UNKNOWN_NAME.at(
         step.place,
         '{host} does not have the virtual switch {switch:quoted} of "{partition}".{_suggestion} {_known}',
-        "Write an existing switch in `hyperv.switch`, or create it on the host first (`New-VMSwitch`).",
+        "Write an existing switch in `hyperv.switch`, or first create the switch on the host with `New-VMSwitch`.",
         address=str(step.address),
         partition=creation.partition,
         switch=creation.switch,
@@ -142,11 +142,14 @@ _TIES = {
     Tie.REPLICA: ("is a replica of a machine on another host", "Plan for the host of the primary machine."),
     Tie.CLUSTER: (
         "belongs to a failover cluster, which keeps a copy of its settings and may move it",
-        "Remove it from the cluster. To change it anyway, write `hyperv: {clustered: true}` for its partition.",
+        (
+            "Remove the machine from the cluster. To change it anyway, write `hyperv: {clustered: true}` for its "
+            "partition."
+        ),
     ),
     Tie.CPU_GROUP: (
         "is in a CPU group: its reserve is a share of the group, not of the host",
-        "Remove it from the group (`CpuGroups.exe SetVmGroup`) and plan again.",
+        "Remove the machine from the group with `CpuGroups.exe SetVmGroup`, and plan again.",
     ),
 }
 
@@ -167,7 +170,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
                 yield RESTART.at(
                     change.reason.place,
                     '"{partition}" is running and has to stop: {reason}.',
-                    "Apply it in a maintenance window, or hold it back with `--max-disruption live`.",
+                    "Apply the plan in a maintenance window, or hold the change back with `--max-disruption live`.",
                     address=str(change.address),
                     partition=before.settings.name,
                     reason=change.reason.message,
@@ -180,7 +183,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
                 step.place,
                 '"{partition}" is running and has to stop for a while: {reason}.',
                 (
-                    "Apply it in a maintenance window, or make room: lower a reserve, or make fewer changes at once "
+                    "Apply the plan in a maintenance window. Or lower a reserve, or make fewer changes at once "
                     "with `--target`."
                 ),
                 address=str(step.address),
@@ -199,12 +202,12 @@ def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterat
             yield NOT_ASKED.at(
                 step.place,
                 (
-                    'The shutdown service of the guest of "{partition}" does not respond, so its machine is turned '
-                    "off without a shutdown."
+                    'The shutdown service of the guest of "{partition}" does not respond, so Hyper-V turns its '
+                    "machine off without a shutdown."
                 ),
                 (
-                    "Install or start the integration service for shutdown in the guest, enable it for the machine "
-                    "(`Enable-VMIntegrationService`), and plan again. Or shut the guest down yourself."
+                    "Install or start the integration service for shutdown in the guest. Enable it for the "
+                    "machine with `Enable-VMIntegrationService`, and plan again. Or shut the guest down yourself."
                 ),
                 address=str(step.address),
                 partition=step.address.partition,
@@ -219,8 +222,8 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
                 yield MEMORY_SHRINKS.at(
                     change.reason.place,
                     (
-                        '"{partition}" has {has_memory:bytes} and gets {gets_memory:bytes}. If its guest and its '
-                        "components use more, the guest swaps or they fail to start."
+                        '"{partition}" has {has_memory:bytes} and gets {gets_memory:bytes}. If the guest needs more, '
+                        "it swaps, or its components fail to start."
                     ),
                     "Check the highest memory use of its guest, and measure its components again with the new size.",
                     address=str(change.address),
@@ -241,9 +244,10 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
         if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
                 request.places.key(request.system.section_of(partition.name), partition.name),
-                '"{partition}" has a limit of {limit_percent} % of each of its VPs, but its reserve needs '
-                "{reserve_percent} %. The plan raises the limit to the reserve, and the partition never gets more.",
-                "Raise the limit or remove it: measurements without a limit are valid only without one.",
+                '"{partition}" has a limit of {limit_percent} % of each of its VPs, but its reserve is '
+                "{reserve_percent} %. The plan raises the limit to the reserve. The partition never gets more than its "
+                "reserve.",
+                "Raise or remove the limit. Measurements without a limit are not valid with a limit.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 limit_percent=limit,
@@ -258,12 +262,12 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
             yield DISK_REMOVED.at(
                 step.place,
                 (
-                    "{disk} of {partition} on {host} is deleted with its machine. All data written since it was "
-                    "created from {parent} is lost."
+                    "{disk} of {partition} on {host} is deleted with its machine. All data written since its "
+                    "creation from {parent} is lost."
                 ),
                 (
-                    "Copy the data that you need first: `rarms undo` cannot restore it. To keep the disk, omit "
-                    "--remove-disks."
+                    "First copy the data that you need. `rarms undo` cannot restore the disk. To keep the disk, "
+                    "omit --remove-disks."
                 ),
                 address=f"partition/{step.address.partition}",
                 disk=step.operation.path,
@@ -279,7 +283,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
                 yield DISK_STAYS.at(
                     change.reason.place,
                     "{disk} of {partition} on {host} is kept: {reason}.",
-                    "Check its content, and delete it by hand if it is not needed.",
+                    "Check the content of the disk. Delete the disk by hand if you do not need it.",
                     address=str(change.address),
                     disk=disk.path,
                     partition=change.address.partition,
@@ -301,9 +305,9 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
                 step.place,
                 '"{partition}" is removed from {host}. Its virtual disks are kept: {_join}.',
                 prose(
-                    "Delete by hand the disks that are not needed, or let ",
+                    "Delete unneeded disks by hand, or run ",
                     command("destroy", remove_disks=True),
-                    " delete the disks that rarms created.",
+                    " to delete the disks that rarms created.",
                 ),
                 address=str(step.address),
                 partition=step.address.partition,
@@ -322,7 +326,10 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
             yield NOT_UNDONE.at(
                 step.place,
                 "{resource}, {step}: {reason}.",
-                "Save what you need before you apply: `rarms undo` and the undo script cannot restore it.",
+                (
+                    "Before the apply, save the data and settings that you need. `rarms undo` and the undo script "
+                    "cannot restore them."
+                ),
                 address=str(step.address),
                 resource=str(step.address),
                 step=step.title,
@@ -339,10 +346,10 @@ def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
             yield UNFIT_MACHINE.at(
                 change.reason.place,
                 (
-                    '"{partition}" has {processors} virtual processors, but {host} has only {has_lp} logical ones. '
-                    "They cannot all run at once."
+                    '"{partition}" has {processors} virtual processors, but {host} has only {has_lp} logical '
+                    "processors. The virtual processors cannot all run at once."
                 ),
-                f"Give it at most {available}: `processors: {available}`.",
+                f"Write `processors: {available}` or less.",
                 address=str(change.address),
                 partition=after.name,
                 processors=after.processors,

@@ -51,7 +51,10 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
                 "leaves the same amount idle, because the number of virtual processors is odd or the machine does "
                 "not use SMT."
             ),
-            "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
+            (
+                "Give the partition an even number of `processors`, leave HwThreadCountPerCore at 0, or combine "
+                "components."
+            ),
             partitions=tuple(costs),
             idle_lp=float(load_of(costs.values()).idle_processors),
             _names=names,
@@ -74,8 +77,10 @@ def review_numa_nodes(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
                     '"{partition}" needs {_show_bytes}, but the largest NUMA node of {host} has {_show_bytes_}. '
                     "NUMA spanning is off, so a machine must fit on one node."
                 ),
-                "Give it less `memory`. Or allow NUMA spanning: run `Set-VMHost -NumaSpanningEnabled $true`, then "
-                "`Restart-Service vmms`. Then plan again.",
+                (
+                    "Give the partition less `memory`. Or allow NUMA spanning: run `Set-VMHost -NumaSpanningEnabled "
+                    "$true`, then `Restart-Service vmms`. Then plan again."
+                ),
                 address=str(change.address),
                 partition=name,
                 memory=memory,
@@ -175,8 +180,8 @@ def review_script_placement(seen: SeenHost, changes: Sequence[Change]) -> Iterat
         yield NO_ORDER.of_host(
             seen.name,
             (
-                "On {host}, the virtual processors fit only in a certain order. A script starts the largest reserve "
-                "first. It would not find room for one of the others and would stop before its end."
+                "On {host}, the virtual processors fit only in a certain order. A script starts the largest "
+                "reserve first. A later start would then fail."
             ),
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
         )
@@ -214,8 +219,8 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
         yield UNMANAGED_GETS_LESS.of_host(
             desired.host,
             (
-                "These machines on {host} are not managed by {application}. They are not changed, but get less "
-                "processor time under full load: {_join}."
+                "{application} does not manage these machines on {host}. They get less processor time under full "
+                "load: {_join}."
             ),
             prose(
                 "If one of them has deadlines, give it a reserve first, or import it: ",
@@ -327,11 +332,11 @@ def _without_effect(group: Group, host: Host, processors: int) -> Iterator[tuple
     open_members = [member.name for member in group.members if member.cpu.limit is None]
     if own and len(group.members) > 1:
         for name in limited:
-            yield "components", name, f"the partition {group.name} has a limit of its own", _REMOVE
+            yield "components", name, f"the partition {group.name} has its own limit", _REMOVE
     elif not own and open_members:
         for name in limited:
             reason = f"it shares the partition {group.name} with {list_names(open_members)} without a limit"
-            yield "components", name, reason, "Give the partition a limit, or remove this one."
+            yield "components", name, reason, "Give the partition a limit, or remove this limit."
     if limit_in_manifest(group, host, processors) != OPEN:
         return
     reason = f"the partition {group.name} has {counted(processors, 'VP')} and can use no more than {processors} LP"

@@ -49,9 +49,14 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
         if lacks:
             yield violation(
                 ("hosts", host.name, "keep_for_host"),
-                '{components} may run on "{host}" itself, but `keep_for_host` keeps {_lacks}. Partitions '
-                "may get all the rest.",
-                f"Keep what they need: `keep_for_host: {{ processor: ..., memory: {write_bytes(memory)} }}`.",
+                (
+                    '{components} may run on "{host}" itself, but `keep_for_host` keeps {_lacks}. Partitions may use '
+                    "all other capacity."
+                ),
+                (
+                    "Keep enough for the components: `keep_for_host: { processor: ..., memory: "
+                    f"{write_bytes(memory)} }}`."
+                ),
                 components=tuple(component.name for component in here),
                 keeps_memory_bytes=host.keep_for_host.memory,
                 needs_memory_bytes=memory,
@@ -132,7 +137,7 @@ def platform_of_different_hosts(system: System) -> Iterator[Violation]:
                 ("hosts", host.name, "platform"),
                 '"{host}" and "{other}" have the platform "{platform}" and share measurements, but '
                 "{_difference}. A measurement on one host is not valid on the other.",
-                "Give them different platforms.",
+                "Give the hosts different platforms.",
                 related=((("hosts", other.name), True, "the other host"),),
                 other=other.name,
                 platform=host.platform,
@@ -198,7 +203,7 @@ def _path_violations(section: str, name: str, paths: dict[str, str | None]) -> I
 
 def _path_problem(path: str) -> str:
     if not _ABSOLUTE.match(path):
-        return "does not begin with a drive or a share. It would depend on the folder where a script starts"
+        return "does not begin with a drive or a share, so it depends on the start folder of a script"
     if found := _NOT_IN_A_PATH.search(path):
         return f"contains {quoted(found.group())}, which Windows does not allow in a path"
     if found := _WILDCARD.search(path):
@@ -249,8 +254,10 @@ def secret_in_clear(system: System) -> Iterator[Violation]:
                 (*path, "credential"),
                 'The credential of "{name}" looks like the secret itself. The manifest is in git, where others can '
                 "read it and old versions remain.",
-                "Write the name under which the credential is stored: letters, digits and . _ / - only, for "
-                "example `robot/guest`. Change the secret if it was committed.",
+                (
+                    "Write the name of the stored credential, for example `robot/guest`. A name has only letters, "
+                    "digits and . _ / -. Change the secret if it was committed."
+                ),
                 key="credential",
                 name=name,
             )

@@ -99,7 +99,7 @@ def advice_on_weak_loads(
             "them. Find the cause"
         )
     elif BUSY_LOOP in system.loads_of(members):
-        return prose(f"Measure with `{BUSY_LOOP}` as well, as the manifest says: ", measure, ".")
+        return prose(f"Measure with `{BUSY_LOOP}` as well, as in the manifest: ", measure, ".")
     else:
         way = f"Name `{BUSY_LOOP}` in `{owner}.interference`, so that plans use it, too"
     return prose(f"{way}, and measure with it: ", measure, ".")
@@ -162,8 +162,7 @@ def index_without_field(component: Component) -> Iterator[Violation]:
         if missing is not None:
             yield violation(
                 ("components", component.name, "apt", name),
-                'The {index} of "{component}" is computed from {_meaning}, but `run.samples` does not name the field '
-                "that has it.",
+                'The {index} of "{component}" needs {_meaning}, but `run.samples` does not define a field for it.',
                 f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
                 at_key=True,
                 index=name,
@@ -215,7 +214,7 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
     if needed > MOST_SAMPLES:
         yield violation(
             (*here, "apt", index),
-            f"{subject}, but a setting has at most {{most_samples}}. rarms can never show that it is met.",
+            f"{subject}, but a setting has at most {{most_samples}}. rarms cannot show that the threshold is met.",
             "Relax the threshold: use a lower percentile, or a less strict share of jobs.",
             at_key=True,
             most_samples=MOST_SAMPLES,
@@ -226,7 +225,7 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
             (*here, "apt", index),
             f"{subject}. A setting with its {{loads:load}} then takes at least {{takes:duration}}, but "
             "has a budget of {budget_ms:duration}.",
-            f"Allow more: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
+            f"Raise the budget: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
             at_key=True,
             takes=takes_ms,
             loads=len(system.loads_of([component.name])),
@@ -236,10 +235,10 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
         yield violation(
             (*here, "run", "until"),
             (
-                f"{subject}. A search takes as many as it needs, but `--from` with `--to` and `--strategy paper` stop "
-                f"at {{samples}}."
+                f"{subject}. `--from` with `--to` and `--strategy paper` stop at {{samples}} samples. A search "
+                "continues until its result is clear."
             ),
-            f"For those, take more: `until: {{ samples: {needed} }}`.",
+            f"For these options, allow more samples: `until: {{ samples: {needed} }}`.",
             related=(((*here, "apt", index), True, "the threshold"),),
             samples=run.until.samples,
             **facts,
@@ -305,7 +304,7 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
                 ("components", component.name, "run", "samples", "pattern"),
                 'The pattern of "{component}" cannot be used: {reason}. Patterns are RE2, which has no '
                 "back-references and no look-around.",
-                "Write the pattern without them. Named groups are `(?P<name>...)`.",
+                "Remove back-references and look-around. Named groups are `(?P<name>...)`.",
                 pattern=samples.pattern,
                 reason=groups,
             )

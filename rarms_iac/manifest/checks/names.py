@@ -158,10 +158,7 @@ def _kept(system: System) -> Iterator[_Kept]:
     yield _Kept(
         kept=POWERSHELL_MEMBERS,
         names=[application],
-        template=(
-            'The name "{name}" is reserved in PowerShell. A journal with the runs of this application could '
-            "not be read."
-        ),
+        template='The name "{name}" is reserved in PowerShell, which could not read a journal with this name.',
         advice='Choose another name, for example "{name}-1".',
     )
     yield _Kept(
@@ -169,14 +166,14 @@ def _kept(system: System) -> Iterator[_Kept]:
         names=partitions,
         template='"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so a '
         "search for the partition may find the host.",
-        advice="Rename the host or the partition (the component, if the partition has no entry).",
+        advice="Rename the host or the partition. A partition without an entry has the name of its component.",
         at="partition",
     )
     yield _Kept(
         kept=TEST_PARTITIONS,
         names=partitions,
         template='`rarms measure` creates and removes a partition with the name "{name}".',
-        advice="Rename the partition (the component, if the partition has no entry).",
+        advice="Rename the partition. A partition without an entry has the name of its component.",
         at="partition",
     )
     yield _Kept(
@@ -186,8 +183,10 @@ def _kept(system: System) -> Iterator[_Kept]:
             for name, host in system.hosts.items()
             if isinstance(host.settings, LinuxHost)
         ],
-        template='"{host}" has the slice "{name}", which belongs to systemd or to a container engine. rarms '
-        "would limit everything in it, and end it with the last partition.",
+        template=(
+            '"{host}" has the slice "{name}", which belongs to systemd or to a container engine. rarms would limit '
+            "all programs in the slice, and stop the slice with the last partition."
+        ),
         advice="Choose another name, or leave `slice` out to use `rarms`.",
     )
     yield _Kept(
@@ -231,7 +230,7 @@ def moved_nowhere(system: System) -> Iterator[Violation]:
             yield violation(
                 ("moved", old),
                 "{_circle}: {_reason}.",
-                "Each entry renames a name that is no longer in the manifest to a name that is in it.",
+                "Write an old name that is no longer in the manifest, and a new name that is in the manifest.",
                 at_key=True,
                 address=f"partition/{old}",
                 names=tuple(names),
@@ -292,7 +291,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
             yield violation(
                 ("interference", name),
                 'Neither `policy.interference` nor a component names "{interference}".',
-                "Use it in one of them, or remove it. Keep it if you only measure with it by hand.",
+                ("Use the load in one of them, or remove it. Keep a load that you only use with `--interference`."),
                 at_key=True,
             )
 
@@ -367,7 +366,7 @@ def unused_task(system: System) -> Iterator[Violation]:
         if name.lower() not in used:
             yield violation(
                 ("tasks", name),
-                "No component has `task: {task}`. Nothing would run in this class.",
-                "Add it to a component, or remove the class.",
+                "No component has `task: {task}`, so the class has no effect.",
+                "Use the class in a component, or remove the class.",
                 at_key=True,
             )

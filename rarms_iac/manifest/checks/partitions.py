@@ -43,8 +43,8 @@ def several_partitions(system: System) -> Iterator[Violation]:
             if name in system.components and first != path:
                 yield violation(
                     path,
-                    '"{component}" is already in the partition "{_first}". A component runs once.',
-                    "Leave it in one of them.",
+                    '"{component}" is already in the partition "{_first}". A component can be in only one partition.',
+                    "Keep it in one of the two partitions.",
                     related=((first, False, "listed here first"),),
                     component=name,
                     partitions=(str(first[1]), partition.name),
@@ -106,8 +106,7 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
     if name in system.components and name not in partition.components:
         yield violation(
             ("partitions", name),
-            'The partition "{partition}" does not contain the component "{partition}". A reader would look '
-            "for the component there.",
+            'The partition "{partition}" does not contain the component "{partition}". This name is misleading.',
             f'Add "{name}" to its components, or name the partition after its most critical member.',
             at_key=True,
             component=name,
@@ -139,7 +138,7 @@ def together_with_itself(component: Component) -> Iterator[Violation]:
             yield violation(
                 ("components", component.name, "together", number),
                 '"{component}" is always together with itself.',
-                "Name the other component, or remove it from `together`.",
+                "Name another component, or remove this entry of `together`.",
                 component=other,
             )
 
@@ -308,7 +307,7 @@ def memory_not_of_hyperv(system: System) -> Iterator[Violation]:
             less = f" or {down // _MEBIBYTE} MiB" if down >= LEAST_MEMORY else ""
             yield violation(
                 (section, name, "memory"),
-                '"{name}" has {has_memory:bytes}, but Hyper-V takes an even number of MiB, at least {_least:bytes}.',
+                '"{name}" has {has_memory:bytes}, but Hyper-V needs an even number of MiB, at least {_least:bytes}.',
                 f"Write {up // _MEBIBYTE} MiB{less}.",
                 has_memory=memory,
                 fits_memory_bytes=up,

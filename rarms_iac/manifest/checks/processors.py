@@ -53,8 +53,8 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
         if cpu.weight is not None and found:
             yield violation(
                 (section, name, "cpu", "weight"),
-                '"{name}" may run on {hosts}, a Linux host, where its reserve is its weight.',
-                "Remove `weight`, or reserve more.",
+                '"{name}" may run on {hosts}, a Linux host. On Linux, the reserve is also the weight.',
+                "Remove `weight`. For more processor time, raise the reserve.",
                 weight=cpu.weight,
                 hosts=tuple(found),
                 name=name,
@@ -71,7 +71,7 @@ def reserve_over_limit(system: System) -> Iterator[Violation]:
         if _is_above(reserve, limit, hosts):
             yield violation(
                 (section, name, "cpu", "limit"),
-                '"{name}" reserves {reserve} but may use at most {limit}. It could never use its whole reserve.',
+                '"{name}" reserves {reserve}, but its limit is {limit}. The rest of the reserve cannot be used.',
                 "Raise the limit, lower the reserve, or remove the limit.",
                 related=(((section, name, "cpu", "reserve"), False, "the reserve"),),
                 reserve=show_amount(reserve),
@@ -181,8 +181,10 @@ def more_processors_than_host(system: System) -> Iterator[Violation]:
         if processors > most:
             yield violation(
                 (section, name, "processors"),
-                '"{name}" has {processors} virtual processors, but no host that it may run on has more '
-                "than {most_lp} LP. Its reservation would not be guaranteed.",
+                (
+                    '"{name}" has {processors} virtual processors, but its allowed hosts have at most {most_lp} LP. '
+                    "No host could guarantee its reservation."
+                ),
                 f"Write `processors: {most}` or fewer, or allow a larger host.",
                 processors=processors,
                 most_lp=most,
@@ -213,8 +215,8 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
         if wanted is not None and other is not None and wanted != other:
             yield violation(
                 ("partitions", partition.name, "cpu", key),
-                'The partition "{partition}" and its only component "{component}" have a different {key}.',
-                "Remove one of the two.",
+                'The partition "{partition}" and its only component "{component}" have different values of {key}.',
+                "Remove one of the two values.",
                 related=((("components", component.name, "cpu", key), False, "the component's"),),
                 component=component.name,
                 key=key,
@@ -233,9 +235,11 @@ def held_back(system: System) -> Iterator[Violation]:
         if cpu.limit is not None and _caps(cpu.limit, processors, components, hosts):
             yield violation(
                 (section, name, "cpu", "limit"),
-                "{_subject} and a limit of {limit}, less than its virtual processors could use. It answers "
-                "later than without the limit, and measurements without the limit are not valid.",
-                "rarms keeps this limit. Remove it if you do not need it.",
+                (
+                    "{_subject} and a limit of {limit}, less than its virtual processors could use. It answers "
+                    "later than without the limit. Measurements without the limit are not valid."
+                ),
+                "rarms keeps the limit. Remove `limit` if you do not need it.",
                 component=with_apt[0],
                 limit=show_amount(cpu.limit),
                 _subject=subject,
@@ -243,9 +247,11 @@ def held_back(system: System) -> Iterator[Violation]:
         if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
             yield violation(
                 (section, name, "cpu", "weight"),
-                "{_subject} and the weight {weight}, less than the usual {usual_weight}. Beyond its reserve it gets "
-                "less time than others, and measurements do not show this.",
-                "rarms keeps this weight. Remove it if you do not need it.",
+                (
+                    "{_subject} and the weight {weight}, less than the usual {usual_weight}. It gets less "
+                    "unreserved time than others. Measurements do not show this effect."
+                ),
+                "rarms keeps the weight. Remove `weight` if you do not need it.",
                 component=with_apt[0],
                 weight=cpu.weight,
                 _subject=subject,
@@ -320,13 +326,15 @@ def fixed_weight_out_of_order(system: System) -> Iterator[Violation]:
         below = [other for other in others if others[other] > criticality and weights[other] < weight]
         below = [other for other in below if other not in fixed]  # else it is reported there
         if above or below:
-            than, compared = ("less", "a higher") if above else ("more", "a lower")
+            than, compared = ("Less", "a higher") if above else ("More", "a lower")
             said = in_a_row([f"{other} {weights[other]}" for other in above or below])
             yield violation(
                 path,
-                '"{component}" (criticality {criticality}) has the fixed weight {weight}. Components that are {_than} '
-                "critical have {_compared} weight: {_said}.",
-                f"Remove `weight`: without it {name} gets {weight_of_criticality(criticality)}.",
+                (
+                    '"{component}" (criticality {criticality}) has the fixed weight {weight}. {_than} critical '
+                    "components have {_compared} weight: {_said}."
+                ),
+                f"Remove `weight`. {name} then gets the weight {weight_of_criticality(criticality)}.",
                 component=name,
                 criticality=criticality,
                 weight=weight,
@@ -364,9 +372,11 @@ def reserve_rounded_up(system: System) -> Iterator[Violation]:
         wanted, rounded, _ = _rounded(cpu, host, fixed, components)
         yield violation(
             (section, name, "cpu", "reserve"),
-            '"{name}" reserves {reserve}, and gets {given} on "{host}": reserves are whole per cent of each virtual '
-            "processor.",
-            "Use fewer `processors`, so that less is rounded up.",
+            (
+                '"{name}" reserves {reserve}, but gets {given} on "{host}": reserves are whole per cent of each '
+                "virtual processor."
+            ),
+            "Use fewer `processors` to reduce the rounding.",
             name=name,
             reserve=show_processors(wanted),
             given=show_processors(rounded),

@@ -47,35 +47,44 @@ def find_mark(kind: type[M], marks: tuple[Any, ...]) -> M | None:
 FORMS: dict[str, tuple[str, str]] = {
     Form.NAME: (
         "a name",
-        "Names have 1 to 63 small letters a-z, digits and hyphens, and start and end with a letter or digit.",
+        "Names have 1 to 63 lowercase letters a-z, digits and hyphens, and start and end with a letter or digit.",
     ),
     Form.TASK: (
         "the name of a task class",
         "Task classes have 1 to 63 letters, digits and spaces, and start with a letter.",
     ),
-    Form.THREAD: ("the name of a thread", "Names of threads have no comma; `*` stands for any characters."),
+    Form.THREAD: ("the name of a thread", "Thread names have no comma. `*` stands for any characters."),
     Form.VARIABLE: (
         "the name of an environment variable",
-        "Such names have letters, digits and underscores, and do not start with a digit.",
+        "Variable names have letters, digits and underscores, and do not start with a digit.",
     ),
-    Form.CALL: ("a function", "Write module:function, as in components.path_planning:plan."),
+    Form.CALL: ("a function", "Write module:function, for example components.path_planning:plan."),
     Form.SSH: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
     Form.HOST: ("the name of a host", "Write its name or address, for example cell.plant.example."),
     Form.SSH_FILE: (
         "a file of ssh",
-        "Write its path without quotes; letters, digits, blanks and ~/._%+:@- are allowed.",
+        "Write the path without quotes. It may have letters, digits, blanks and ~/._%+:@-.",
     ),
-    Form.ABSOLUTE_FOLDER: ("an absolute path", "Write the whole path on the robot, as in /opt/robot."),
+    Form.ABSOLUTE_FOLDER: ("an absolute path", "Write the absolute path on the robot, for example /opt/robot."),
     Form.SLICE: (
         "the name of a control group",
-        "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",
+        (
+            "Control group names have lowercase letters, digits, hyphens and underscores, and start with a letter or "
+            "digit."
+        ),
     ),
-    Form.STRESSOR: ("a stressor", "Write a name that stress-ng --stressors shows, as in timer."),
-    Form.TOPIC: ("a topic", "Write its whole name, as rostopic list or ros2 topic list shows it: /camera/image_raw."),
-    Form.OPERATION: ("an operation", "Write its kind in small letters and underscores, as in start_partition."),
-    Form.LEAST_VERSION: ("a least version", "Write >= and the version, as in '>=0.2'."),
-    Form.CODE: ("a finding's id", "Write RARMS and three digits, as in RARMS041."),
-    Form.DAY: ("a day", "Write year-month-day, as in 2027-01-31."),
+    Form.STRESSOR: ("a stressor", "Write a name from stress-ng --stressors, for example timer."),
+    Form.TOPIC: (
+        "a topic",
+        "Write the full name from rostopic list or ros2 topic list, for example /camera/image_raw.",
+    ),
+    Form.OPERATION: (
+        "an operation",
+        "Write the operation in lowercase letters and underscores, for example start_partition.",
+    ),
+    Form.LEAST_VERSION: ("a least version", "Write >= and the version, for example '>=0.2'."),
+    Form.CODE: ("a finding's id", "Write RARMS and three digits, for example RARMS041."),
+    Form.DAY: ("a day", "Write year-month-day, for example 2027-01-31."),
 }
 """What each form is called, and how it is written."""
 
@@ -125,7 +134,7 @@ def _quantity_schema(quantity: Quantity, word: StrEnum | None = None) -> dict[st
     examples = [*([word.value] if word else ()), *(_EXAMPLES[kind] for kind in kinds)]
     number = f"{f'`{word.value}` or ' if word else ''}a number{' above 0' if positive else ''}"
     message = (
-        f"Write {number} with the unit {in_a_row(units, 'or')}, as in "
+        f"Write {number} with the unit {in_a_row(units, 'or')}, for example "
         f"{' or '.join(f'`{example}`' for example in examples)}."
     )
     text = {
@@ -249,7 +258,11 @@ def _thresholds_schema() -> dict[str, Any]:
         "additionalProperties": False,
         "patternProperties": {
             PERCENTILE_PATTERN: _schema_of(family)
-            | {"description": "A percentile of the response times of all jobs that answered, as in p95_response_time."}
+            | {
+                "description": (
+                    "A percentile of the response times of all jobs that answered, for example p95_response_time."
+                )
+            }
         },
         "properties": {index.name: _schema_of(index) for index in INDEXES.values()},
         "type": "object",

@@ -74,7 +74,7 @@ def _with_invisible(found: Diagnostic, error: StructureError) -> Diagnostic:
     hidden = next(filter(is_invisible, text), None) if isinstance(text, str) else None
     if hidden is None:
         return found
-    return replace(found, detail=f"{found.detail} A{name_character(hidden)[1:]} stands {_position_of(text, hidden)}.")
+    return replace(found, detail=f"{found.detail} A{name_character(hidden)[1:]} is {_position_of(text, hidden)}.")
 
 
 def _position_of(text: str, character: str) -> str:
@@ -83,7 +83,7 @@ def _position_of(text: str, character: str) -> str:
         return "before the unit"
     if not before.strip():
         return f"before {_show(after.strip())}"
-    return f"in {_show(text)}" if after.strip() else f"behind {_show(before.strip())}"
+    return f"in {_show(text)}" if after.strip() else f"after {_show(before.strip())}"
 
 
 def _show(value: Any) -> str:
@@ -381,7 +381,7 @@ def _direction(error: StructureError) -> Diagnostic:
     better = "smaller" if error.facts["smaller"] else "larger"
     return WRONG_VALUE.at(
         error.places.key(*error.path),
-        "{path}: a {_better} {index} is better, but {_shown} asks for the opposite.",
+        "{path}: a {_better} {index} is better, but {_shown} sets the opposite bound.",
         f"Write {word}.",
         path=error.name,
         index=index,
@@ -412,7 +412,7 @@ def _no_such_day(error: StructureError) -> Diagnostic:
 
 def _not_read(error: StructureError) -> Diagnostic:
     """Return an error without words of its own: still a place, the value, and what the field is for."""
-    advice = describe(error.path) or "Check the manifest reference."
+    advice = describe(error.path) or "See docs/manifest.md."
     return _wrong(error, "{path} cannot be {_it}.", advice)
 
 

@@ -51,7 +51,7 @@ def overlay_schema() -> Json:
     made: Json = _relaxed({key: value for key, value in whole.items() if key != "$defs"})
     blocks = {name: _relaxed(block) for name, block in whole["$defs"].items()}
     originals = {f"Whole{name}": _renamed(block) for name, block in whole["$defs"].items()}
-    title = "Overlay of a rarms manifest: only what differs from it."
+    title = "Overlay of a rarms manifest: only the differences from the manifest."
     return {**made, "description": title, "$defs": _reachable(made, {**blocks, **originals})}
 
 

@@ -89,7 +89,7 @@ def _set(tree: Tree, path: tuple[str, ...], value: Value) -> str:
 def _removed(tree: Tree, path: tuple[str, ...], comments_to: tuple[str, ...]) -> str:
     route = _walk(tree, path)
     if route.missing or not path:
-        raise NoSuchPlace(path, "there is nothing at this path")
+        raise NoSuchPlace(path, "this path does not exist")
     is_only = len(route.steps[-1].parent.entries) == 1  # its comments stay next to the `{}`
     comments = _comments_at(route) if comments_to and not is_only else []
     without = _without(route)

@@ -107,7 +107,9 @@ def check_text(source: Source) -> tuple[Diagnostic, ...]:
     file, start = source.file, Place(file=source.file, line=1, column=1)
     if source.stored.startswith(_UTF16_32):
         raise UnreadableText(
-            NOT_READ.at(start, "The file seems to be UTF-16 or UTF-32.", "Save it as UTF-8 and try again.", file=file)
+            NOT_READ.at(
+                start, "The file seems to be UTF-16 or UTF-32.", "Save the file as UTF-8 and try again.", file=file
+            )
         )
     _check_utf8(source)
     if findings := _unseen(source):
@@ -117,8 +119,8 @@ def check_text(source: Source) -> tuple[Diagnostic, ...]:
     formatter = command("fmt", STANDARD_INPUT if file == "<stdin>" else file)
     note = BYTE_ORDER_MARK.at(
         start,
-        "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
-        prose("Save it as UTF-8 without a byte order mark, or let ", formatter, " do it."),
+        "The file starts with the bytes EF BB BF, which have no meaning in UTF-8. rarms ignores these bytes.",
+        prose("Save the file as UTF-8 without a byte order mark, or run ", formatter, "."),
         file=file,
     )
     return (note,)
@@ -155,8 +157,8 @@ def unseen(character: str, place: Place) -> Diagnostic:
     name = unicodedata.name(character, "control character" if code < 0xA0 else "no character")
     return UNSEEN.at(
         place,
-        "{character} ({name}) is invisible and can change how the text is read.",
-        "Remove it.",
+        "{character} ({name}) is invisible and can change the meaning of the text.",
+        "Remove the character.",
         character=f"U+{code:04X}",
         name=name.lower(),
     )
@@ -178,7 +180,7 @@ def syntax_finding(problem: YAMLError, source: Source) -> Diagnostic:
 _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     (
         "mapping values are not allowed",
-        "A colon is in a place where no key can be.",
+        "A colon is not allowed here.",
         "Put a text that contains ': ' in quotes, or check the indentation of this line.",
     ),
     (
@@ -189,9 +191,9 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     (
         "found character that cannot start any token",
         "This character cannot start a value.",
-        "Put the value in quotes; indent with spaces, not with tabs.",
+        "Put the value in quotes. Indent with spaces, not tabs.",
     ),
-    ("found a tab character", "A tab is in a place where indentation is expected.", "Indent with spaces."),
+    ("found a tab character", "A tab is not allowed in the indentation.", "Indent with spaces."),
     (
         "did not find expected ',' or ']'",
         "A list that starts with [ is not closed, or lacks a comma.",
@@ -241,7 +243,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "did not find expected <document start>",
-        "There is more text after the end of the document.",
+        "Text is not allowed after the end of the document.",
         "Check the indentation of this line.",
     ),
     ("undefined tag handle", "rarms does not read tags (!name).", "Remove the tag: the type of each field is fixed."),
@@ -253,7 +255,7 @@ _COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     ("incompatible YAML document", "rarms reads YAML 1.2.", "Remove the line that starts with %YAML."),
     (
         "chomping or indentation indicator",
-        "There is text after | or > that is not allowed there.",
+        "This text is not allowed after | or >.",
         "Start the text on the next line, or put it in quotes.",
     ),
 )

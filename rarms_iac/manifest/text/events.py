@@ -88,7 +88,7 @@ def plain_scalar(text: str) -> PlainValue:
 def _whole(digits: str, base: int) -> int:
     if len(digits.lstrip("+-0")) > MAX_DIGITS:
         raise NotRepresentable(
-            f"a whole number has at most {MAX_DIGITS} digits, this one has {len(digits.lstrip('+-'))}"
+            f"a whole number has at most {MAX_DIGITS} digits, this number has {len(digits.lstrip('+-'))}"
         )
     return int(digits, base)
 
@@ -237,14 +237,14 @@ class _Pass:
 
     def start_document(self, event: DocumentStartEvent, documents: int) -> None:
         if documents > 1:
-            self.refuse(event, "several documents in one file", "Put each into a file of its own.")
+            self.refuse(event, "several documents in one file", "Put each document into its own file.")
             raise UnreadableText(*self.problems)
         if event.tags or (event.version or (1, 2)) != (1, 2):
             self.refuse(event, "directives other than %YAML 1.2", "Remove the line.")
 
     def refuse_marks(self, event: Any) -> None:
         if event.anchor is not None:
-            self.refuse(event, "anchors (&name)", "Remove it, and write the value in every place that needs it.")
+            self.refuse(event, "anchors (&name)", "Remove the anchor, and write the value at each place.")
         if event.tag is not None:
             self.refuse(event, "tags (!name)", "Remove the tag: the type of each field is fixed.")
 
@@ -285,7 +285,7 @@ class _Pass:
 
     def not_representable(self, event: ScalarEvent, problem: NotRepresentable) -> None:
         if not self.is_shown_enough("number"):
-            advice = "Write another number, or put it in quotes if it is a text."
+            advice = "Write another number, or put a text in quotes."
             self.problems.append(
                 NOT_YAML.at(
                     self.place(event, len(event.value)),
@@ -317,8 +317,8 @@ class _Pass:
             most, detail = MAX_DEPTH, "A manifest has at most {most} levels of nesting. This file has more."
             advice = "Check for brackets that are not closed."
         else:
-            most, detail = MAX_SCALAR, "A text has at most {most:,} characters. This one has more."
-            advice = "Put the text into a file of its own."
+            most, detail = MAX_SCALAR, "A text has at most {most:,} characters. This text has more."
+            advice = "Put the text into its own file."
         return NOT_YAML.at(self.place(event), detail, advice, most=most)
 
 

@@ -55,7 +55,7 @@ def read_text(data: bytes, file: str, folder: str, *, overlay: bool = False) -> 
 
 
 def _without_value(file: str, content: str, *, overlay: bool) -> Diagnostic:
-    advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
+    advice = prose("Write a manifest. Or move the file away and run ", INIT, ".")
     if overlay:
         advice = prose("Write the keys that differ from the manifest, or `{}` if none differs.")
     return NOT_READ.at(
@@ -76,7 +76,7 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
                 place, "{file} is {kind}.", "Name a file, or - for standard input.", file=file, kind=kind
             )
         case TooLarge():
-            advice = "Check that it is the manifest, or move the differences between machines into overlays."
+            advice = "Check that the file is the manifest, or move the differences between machines into overlays."
             return NOT_READ.at(
                 place,
                 "{file} is larger than 8 MiB, the limit for a manifest.",
@@ -85,7 +85,9 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
                 most_bytes=8 * 2**20,
             )
         case FileNotFoundError():
-            missing = prose("Check the path: `-f PATH` names a manifest or its folder, and ", INIT, " creates one.")
+            missing = prose(
+                "Check the path: `-f PATH` names a manifest or its folder. To create a manifest, run ", INIT, "."
+            )
             if overlay:
                 missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
             return NOT_READ.at(place, "The file {file:quoted} does not exist.", missing, file=file)

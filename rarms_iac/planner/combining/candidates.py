@@ -240,8 +240,8 @@ def _contradictions(
             yield Contradiction(
                 members=candidate.coi.members,
                 message=(
-                    f"{named(candidate.coi.members)} met its thresholds with {min(passed)} % of its VPs, but missed "
-                    f"one with {max(failed)} %"
+                    f"{named(candidate.coi.members)} met its thresholds with {min(passed)} % of its VPs, but "
+                    f"missed a threshold with {max(failed)} %"
                 ),
             )
         if not passed:

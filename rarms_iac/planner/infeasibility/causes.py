@@ -166,7 +166,7 @@ def _cause(conflict: Conflict, problem: Problem, needed: Mapping[str, str] = Map
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     moves: Facts = {"would_move": tuple(needed)} if needed else {}
     if needed:
-        message += f" They fit if partitions may move: {_describe_moves(needed)}."
+        message += f" The partitions fit if they may move: {_describe_moves(needed)}."
     free = free_on(conflict.bins)
     return finding.at(
         None,
@@ -197,7 +197,7 @@ def _shortage(conflict: Conflict, problem: Problem) -> tuple[Finding, str]:
             return planning_findings.MEMORY, _memory_exceeds(conflict, problem)
         case Lack.PLACEMENT if len(conflict.bins) == 1:
             reason = f"each virtual processor needs its whole reserve on one of the {_describe_cores(conflict.bins[0])}"
-            return planning_findings.PACKING, f"{cannot_share}: {reason}, and there is no way to place them."
+            return planning_findings.PACKING, f"{cannot_share}: {reason}, and no such placement exists."
         case Lack.PLACEMENT:
             reason = "together the hosts have enough capacity, but each partition needs room on one host"
             return planning_findings.PLACEMENT, f"{cannot_share}: {reason}."

@@ -302,9 +302,11 @@ def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem:
 
         return (
             Edit(
-                f"{minor.name} and {leader.name} reserve {show_lp_percent(total(parts))} in two partitions on "
-                f"{in_a_row(hosts, 'or')}; in one they {too_little}may reserve up to "
-                f"{show_lp_percent(compound.taken_processors * reserve)}",
+                (
+                    f"{minor.name} and {leader.name} reserve {show_lp_percent(total(parts))} in two partitions on "
+                    f"{in_a_row(hosts, 'or')}; in one partition they {too_little}may reserve up to "
+                    f"{show_lp_percent(compound.taken_processors * reserve)}"
+                ),
                 apply,
                 host=host.name if len(platforms) > 1 else "",
             ),

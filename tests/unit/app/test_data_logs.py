@@ -89,7 +89,7 @@ def test_little_memory_and_another_governor_are_warnings(here: Path) -> None:
     answer = rarms("plan", "-f", str(here))
 
     assert "warning[RARMS127]" in answer.out
-    assert "vision used up to 480 MiB while measured, and has 512 MiB." in " ".join(answer.out.split())
+    assert "vision used up to 480 MiB in the measurement, and has 512 MiB." in " ".join(answer.out.split())
     assert "Write `memory: 576 MiB` or more" in " ".join(answer.out.split())
     assert "RARMS406" not in answer.out, "the simulated host has no governor"
 
@@ -169,7 +169,7 @@ def test_damaged_or_unmet_log_is_no(here: Path) -> None:
     damaged = rarms("plan", "-f", str(here))
 
     assert (unmet.code, damaged.code) == (4, 4)
-    assert "not even with all of its VPs" in " ".join(unmet.err.split())
+    assert "even at 100 % of its VPs" in " ".join(unmet.err.split())
     assert "error[RARMS107]" in damaged.err
     assert "line 2" in damaged.err
 

@@ -80,7 +80,7 @@ def test_easier_level_holds_for_every_load(here: Path) -> None:
     level = "Choose an easier level: 88.4 ms holds with 70 % of its VPs under each load."
     assert f"{level} The component can have at most 100 % of its VPs" in hopeless
     assert "88.4 ms holds with 70 % of its VPs under each load. Or measure higher settings" in unmeasured
-    assert "the highest is 70 % of its VPs with bursts-20, and 100 % with busy-loop." in unmeasured
+    assert "The highest setting is 70 % of its VPs with bursts-20, and 100 % with busy-loop." in unmeasured
     assert "rarms measure vision --from 71% --to 100%" in unmeasured
     assert rarms("select", "vision", "--at", "88.4 ms", "-f", str(here)).code == 0
 

@@ -112,7 +112,7 @@ def test_setting_changed_after_last_step_fails_run(lab: Lab) -> None:
     report = apply_plan(lab.plan(), lab.hosts, ORIGIN, RunControl(reporter=Meddling()))
 
     assert report.ending is RunEnding.FAILED
-    assert "Another tool also changes it." in str(report.findings[0].advice)
+    assert "Another tool also changes this setting." in str(report.findings[0].advice)
 
 
 def test_setting_changed_in_middle_of_run_stops_it(lab: Lab) -> None:
@@ -366,7 +366,7 @@ def test_release_where_nothing_is_managed_advises_no_name(lab: Lab) -> None:
     (finding,) = lab.prepare(purpose=Purpose.RELEASE, partitions=("vision",)).findings
 
     assert str(finding.detail).endswith(" No partition has this mark.")
-    assert str(finding.advice) == "There is no partition to release."
+    assert str(finding.advice) == "No partition can be released."
 
 
 def test_a_target_that_is_as_wanted_changes_nothing(lab: Lab) -> None:

@@ -175,12 +175,12 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     "nothing is there": (given(), Ask("plan", "`-f PATH` names a manifest or its folder", "init")),
     "the manifest is empty": (
         given("\n  \n"),
-        Ask("validate", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
+        Ask("validate", "Or move the file away and run", "init", first=(Path("rarms.yaml").unlink,)),
     ),
     "the manifest has only comments": (
         given("# nothing\n"),
-        Ask("validate", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
-        Ask("fmt", "Write a manifest, or move the file away", "init", first=(Path("rarms.yaml").unlink,)),
+        Ask("validate", "Or move the file away and run", "init", first=(Path("rarms.yaml").unlink,)),
+        Ask("fmt", "Or move the file away and run", "init", first=(Path("rarms.yaml").unlink,)),
     ),
     "the manifest begins with a byte order mark": (
         given("\ufeff" + MANIFEST),
@@ -253,7 +253,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "an undo was killed": (
         given(MANIFEST, "apply", killed("undo --auto-approve", at=12)),
-        Ask("plan", "Otherwise run `rarms undo` to finish it", ("undo", "apply --abandon")),
+        Ask("plan", "Otherwise run `rarms undo` to finish the run", ("undo", "apply --abandon")),
     ),
     "a host moved while a run was unfinished": (
         given(
@@ -309,7 +309,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "an apply cannot be undone wholly": (
         given(MANIFEST, "apply", "destroy"),
-        Ask("undo --auto-approve", "cannot restore that. Afterwards `rarms plan` shows the differences", "plan"),
+        Ask("undo --auto-approve", "After the undo, run `rarms plan` to show the differences", "plan"),
     ),
     "the last applies of two hosts are of different plans": (
         given(TWO_HOSTS, "apply", edit("45 %", "50 %"), "apply --host fore"),
@@ -329,7 +329,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "a host without machines has none to import": (
         given(MANIFEST),
-        Ask("import vision --id none --auto-approve", "There is no machine to import. ", "plan"),
+        Ask("import vision --id none --auto-approve", "The host has no machine to import. ", "plan"),
     ),
     "a machine that is not managed gets less": (
         given(
@@ -356,7 +356,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "another tool changed a partition": (
         given(MANIFEST, "apply", "simulate change vision --reserve 30"),
-        Ask("plan --verbose", "Find out who did it", ("drift", "history")),
+        Ask("plan --verbose", "Find the cause", ("drift", "history")),
         Ask("status", "shows the changes", "drift"),
     ),
     "another tool changed a partition, and the manifest has errors": (
@@ -425,11 +425,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "late jobs may be later with other partitions": (
         given(LATE, "measure vision --from 60% --to 60%"),
-        Ask("plan", "and prove it in the applied layout", "prove", first=("apply",)),
+        Ask("plan", "Then prove the applied layout", "prove", first=("apply",)),
     ),
     "a threshold depends on its neighbours": (
         given(LATE.replace("busy-loop", "bursts-20"), "measure vision"),
-        Ask("plan", "Prove it in the applied layout", "prove", first=("apply",)),
+        Ask("plan", "Prove the applied layout", "prove", first=("apply",)),
     ),
     "all loads are weak": (
         given(MEASURED.replace("busy-loop", "bursts-20-half")),
@@ -520,14 +520,14 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
 
 OTHER_TESTS = {
     "Measure the rest: `rarms measure`.": "tests/unit/measuring/test_passes.py",
-    "Or record that you accept them: ": "tests/unit/measuring/test_passes.py",
+    "Or accept the reservations in a plan file: ": "tests/unit/measuring/test_passes.py",
     "Set the governor ": "tests/unit/app/test_data_logs.py",
     "Measurements on a simulated host are never valid for a real one. ": "tests/unit/app/test_data_logs.py",
     "or more, 1.2 times the peak": "tests/unit/app/test_data_logs.py",
     "Start it: `rarms start '{partition}'`.": "tests/unit/measuring/test_run_component.py",
     "Measure whether a reservation helps: ": "tests/unit/measuring/test_run_component.py",
-    "Another tool also changes it": "tests/unit/applying/test_applying.py",
-    "`rarms undo` to finish it": "tests/system/test_killed_and_run_again.py",
+    "Another tool also changes this setting": "tests/unit/applying/test_applying.py",
+    "`rarms undo` to finish the run": "tests/system/test_killed_and_run_again.py",
     "run `rarms undo --keep` instead": "tests/unit/cli/test_undo.py",
     "After the undo, `rarms apply` sets": "tests/unit/cli/test_undo.py",
     "then `rarms apply` to restore the values of the manifest": "tests/unit/cli/test_undo.py",
@@ -535,17 +535,17 @@ OTHER_TESTS = {
     "or finish it in an environment without the key": "tests/unit/app/test_plan_key.py",
     "Make the plan again in an environment that has the key: ": "tests/unit/app/test_plan_key.py",
     "Undo it with that application's manifest: ": "tests/system/test_cli_route.py",
-    "Release it first: ": "test_machine_of_another_partition_is_released_as_recommended",
-    "Release that one first: ": "test_machine_of_another_partition_is_released_as_recommended",
+    "Release the machine first: ": "test_machine_of_another_partition_is_released_as_recommended",
+    "Release that machine first: ": "test_machine_of_another_partition_is_released_as_recommended",
     "samples of each component, in about": "tests/unit/measuring/test_prove.py",
     "or prove without a load": "tests/unit/measuring/test_prove.py",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
-    "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
+    "Run `rarms apply` from a prompt opened with": "tests/system/test_remote_host.py",
     "Check the kernel: `rarms doctor`": "tests/system/test_linux_advice.py",
     "or import the correct machine with": "tests/system/test_remote_host.py",
     "Have `rarms show --transport --out FOLDER`": "tests/system/test_remote_host.py",  # another module there
     "No step was done. Show the state with": "tests/system/test_remote_host.py",  # a script's guard refused
-    "it reads the journal of the host": "tests/system/test_remote_host.py",  # the connection broke
+    "to read the journal of the host": "tests/system/test_remote_host.py",  # the connection broke
     "Run the script there by hand and check": "tests/unit/cli/test_plan.py",
     "Write the connection to the host": "tests/unit/cli/test_plan.py",
     "(`rarms show PLAN --script --guest ": "tests/unit/cli/test_show_scripts.py",
@@ -579,7 +579,7 @@ OTHER_TESTS = {
     "Run the component alone and correct the cause: ": "a component cannot run on its host",
     "raise the reserves until `rarms prove` passes": "it is applied",
     "`rarms apply --abandon` to leave the host as it is.": "an apply was killed",
-    "to finish it, `rarms undo` to reverse it": "an apply was killed",
+    "to finish the run, `rarms undo` to reverse it": "an apply was killed",
 }
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 

@@ -341,7 +341,7 @@ def test_a_missing_journal_is_reported() -> None:
     undone, history, status = rarms("undo", "--auto-approve"), rarms("history"), rarms("status")
 
     assert never_applied == (0, "Host onboard  no plan was applied here\n")
-    missing = "The journal of onboard is missing: no run is recorded there, but speech and vision bear a mark of rarms."
+    missing = "The journal of onboard is missing: no run is recorded, but speech and vision have a mark of rarms."
     assert undone.code == 1
     assert "error[RARMS190]" in undone.err
     for text in (undone.err, history.out, status.out):

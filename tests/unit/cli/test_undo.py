@@ -11,7 +11,7 @@ from tests.unit.cli.running import Ran, rarms
 from tests.unit.cli.test_status import MANIFEST
 
 RESTORED = "partition/vision: reserve 0.8 -> 0.04 LP (40 -> 2 % of each of 2 processors)"
-WARNING = "partition/vision on onboard: reserve 0.04 LP was not set by rarms; the apply set 0.8 LP."
+WARNING = "partition/vision on onboard: rarms did not set reserve 0.04 LP; the last apply set 0.8 LP."
 
 
 @pytest.fixture(autouse=True)

@@ -96,14 +96,14 @@ def advice_of(folder: Path) -> str | None:
 def ways_in(advice: str) -> Iterator[list[str]]:
     """The proposals, each as its changes."""
     now: list[str] = []
-    advice = advice.replace("All of these together would fit:", "- all of these:")
-    for line in re.sub(r"^This would fit: ", "- ", advice, flags=re.MULTILINE).splitlines():
+    advice = advice.replace("All of these changes together would be enough:", "- all of these:")
+    for line in re.sub(r"^This change would be enough: ", "- ", advice, flags=re.MULTILINE).splitlines():
         if line.startswith("  - "):
             now.append(line.removeprefix("  - ").rstrip("."))
             continue
         if now:
             yield now
-        now = [] if line.startswith("Each of these alone") else [line.removeprefix("- ").rstrip(".")]
+        now = [] if line.startswith("Each of these changes alone") else [line.removeprefix("- ").rstrip(".")]
     if now:
         yield now
 
@@ -301,10 +301,11 @@ def test_pair_is_offered_above_known_misses(tmp_path: Path) -> None:
         settings = [a_setting(level, *(steady(name, 2.0 * APT, jobs=60) for name in ("c0", "c1"))) for level in levels]
         leave_log(tmp_path, ["c0", "c1"], settings)
 
-    assert pair() == "2.7 LP in two partitions on h0; in one they may reserve up to 2 LP"
+    assert pair() == "2.7 LP in two partitions on h0; in one partition they may reserve up to 2 LP"
     shown_to_miss(60)
     assert pair() == (
-        "2.7 LP in two partitions on h0; in one they were shown to miss with 1.2 LP, and may reserve up to 2 LP"
+        "2.7 LP in two partitions on h0; in one partition they were shown to miss with 1.2 LP, "
+        "and may reserve up to 2 LP"
     )
     shown_to_miss(60, 100)
     assert pair() == "", "the host has no more than 2 LP"

@@ -8,7 +8,9 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.system import Acceptance, Policy
 from tests.builders import PathPlaces, a_component, a_partition, a_system, codes
 
-WARNING = Finding(code="RARMS058", severity=Severity.WARNING, summary="Too little memory or processor time for components")
+WARNING = Finding(
+    code="RARMS058", severity=Severity.WARNING, summary="Too little memory or processor time for components"
+)
 PLACES = PathPlaces()
 LAST_DAY = date(2026, 1, 31)
 

@@ -256,7 +256,7 @@ def test_consent_is_in_the_plan_file() -> None:
     shown = rarms("show", "robot.plan", "--json")
 
     assert ran.code == 0, ran.err
-    assert "This was accepted." in ran.out
+    assert "You accepted provisional reservations." in ran.out
     assert json.loads(shown.out)["accepts_provisional"] is True
 
 

@@ -286,4 +286,4 @@ def test_whole_cores_count_in_offers(tmp_path: Path) -> None:
     assert _predicted(replace(subject, predict=lambda _members, _processors: 30), need=160) == 120
     (pair,) = pair_relaxations(subject.problem, ("vision", "paths"))
     (edit,) = pair.edits_at(30)
-    assert "reserve 1.6 LP in two partitions on onboard; in one they may reserve up to 1.2 LP" in edit.message
+    assert "reserve 1.6 LP in two partitions on onboard; in one partition they may reserve up to 1.2 LP" in edit.message

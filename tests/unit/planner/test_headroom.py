@@ -187,7 +187,7 @@ def test_deadline_gives_one_thread_everything() -> None:
             0,
             (
                 "The control groups of onboard have only some of its 2 processors. The kernel refuses "
-                "SCHED_DEADLINE to a thread that may not run on all of them."
+                "SCHED_DEADLINE to a thread that cannot run on all processors."
             ),
         ),
         (

@@ -421,7 +421,7 @@ def test_steady_loads_alone_warn_of_a_tail() -> None:
     ((severity, detail),) = found(vision(TAIL))
 
     assert severity == "warning"
-    assert "may answer 110 ms after they are due: 10 ms of work by its reservation, and a window of 100 ms" in detail
+    assert "may answer 110 ms after their due time: 10 ms of work by its reservation, and a window of 100 ms" in detail
     assert detail.endswith("too late for p95_response_time.")
 
 

@@ -206,8 +206,8 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
 @pytest.mark.parametrize(
     ("means", "message", "measures_on"),
     [
-        ({50: 300, 100: 150}, "not even with all of its VPs", False),
-        ({50: 300, 80: 150}, "the highest is 80 %", True),
+        ({50: 300, 100: 150}, "even at 100 % of its VPs", False),
+        ({50: 300, 80: 150}, "The highest setting is 80 %", True),
         (
             {50: 300, 100: 100},
             "at 100 % of its VPs the samples do not show whether mean_response_time of vision",
@@ -233,7 +233,7 @@ def test_only_thresholds_that_no_setting_meets_are_named() -> None:
 
     (diagnostic,) = planned(vision(apt=apt), {("vision",): a_data_log({50: 300, 80: 150})}).findings
 
-    assert "meets p95_response_time of vision: the highest" in diagnostic.detail
+    assert "meets p95_response_time of vision. The highest" in diagnostic.detail
 
 
 def test_without_log_it_says_what_it_was_told() -> None:

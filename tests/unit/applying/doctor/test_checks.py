@@ -155,7 +155,9 @@ def test_policy_of_the_look_counts_for_nothing() -> None:
     assert examine(examination(how=how)) == ()
 
 
-@pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "has priority"), (POLICY.CURRENT_USER, "by hand")])
+@pytest.mark.parametrize(
+    ("scope", "word"), [(POLICY.MACHINE_POLICY, "overrides the policy of rarms"), (POLICY.CURRENT_USER, "by hand")]
+)
 def test_what_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
     (finding,) = examine(how(policies={scope: "Restricted"}))
 

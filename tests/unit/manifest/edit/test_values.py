@@ -147,5 +147,5 @@ def test_edit_of_missing_path_is_refused() -> None:
         NoSuchPlace, match=r"^components\.vision\.criticality\.deep: components\.vision\.criticality has"
     ):
         set_value(ROBOT, ("components", "vision", "criticality", "deep"), 1)
-    with pytest.raises(NoSuchPlace, match="nothing at this path"):
+    with pytest.raises(NoSuchPlace, match="this path does not exist"):
         remove_value(ROBOT, ("components", "hearing"))

@@ -254,7 +254,10 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
-    assert ended.contradictions[0].message == "a+b met its thresholds with 45 % of its VPs, but missed one with 50 %"
+    assert (
+        ended.contradictions[0].message
+        == "a+b met its thresholds with 45 % of its VPs, but missed a threshold with 50 %"
+    )
 
 
 def test_cheaper_compound_voids_the_proof() -> None:

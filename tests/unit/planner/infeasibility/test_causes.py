@@ -40,7 +40,7 @@ def test_unplaceable_virtual_processors_are_told() -> None:
         (
             "RARMS121",
             "p0, p1, p2, p3 and p4 cannot share host0: each virtual processor needs its whole reserve on one of the "
-            "two logical processors, and there is no way to place them.",
+            "two logical processors, and no such placement exists.",
         )
     ]
 
@@ -99,8 +99,8 @@ def test_overfilling_component_is_named_with_total() -> None:
 @pytest.mark.parametrize(
     ("changes", "advice"),
     [
-        (("arm reserves 20 % instead of 30 %",), "This would fit: arm reserves 20 % instead of 30 %."),
-        (("one", "two"), "All of these together would fit:\n  - one\n  - two."),
+        (("arm reserves 20 % instead of 30 %",), "This change would be enough: arm reserves 20 % instead of 30 %."),
+        (("one", "two"), "All of these changes together would be enough:\n  - one\n  - two."),
     ],
 )
 def test_only_way_out_is_sentence_or_list(changes: tuple[str, ...], advice: str) -> None:

@@ -107,7 +107,7 @@ def test_least_critical_pair_is_combined() -> None:
 
     assert pair_in(system, EACH_40) == (
         "Combining components may be enough. Check with `rarms tune`: path and speech reserve 1.6 LP "
-        "in two partitions on onboard; in one they may reserve up to 1.2 LP."
+        "in two partitions on onboard; in one partition they may reserve up to 1.2 LP."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -126,7 +126,7 @@ def test_pair_is_combined_on_a_common_host() -> None:
     offered = pair_in(a_system(hosts=hosts, components=components), logs)
 
     assert offered is not None
-    assert "arm and base reserve 2.4 LP in two partitions on rear; in one they may reserve up to" in offered
+    assert "arm and base reserve 2.4 LP in two partitions on rear; in one partition they may reserve up to" in offered
 
 
 def test_impossible_pair_is_not_offered() -> None:
@@ -260,7 +260,7 @@ def test_ways_out_are_a_list() -> None:
     (offered,) = [diagnostic for diagnostic in planned(system, logs).findings if diagnostic.code == "RARMS014"]
 
     head, together, *apts = str(offered.advice).splitlines()[:4]
-    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], str(offered.advice)
+    assert [head, together] == ["Each of these changes alone would be enough:", "- all of these:"], str(offered.advice)
     assert len(apts) > 1
     assert all(line.startswith("  - ") and LINE.search(line) for line in apts)
 
