@@ -78,8 +78,8 @@ def _member_findings(
         yield planning_findings.ON_NEIGHBOURS.at(
             places.key("components", member.name, "apt", tails[0]),
             (
-                "{indexes:all} of {component} depends on the {other_partitions:other partition} on {host}: "
-                "their work within a window of {window_ms:ms} changes it."
+                "{indexes:all} of {component} depends on the {other_partitions:other partition} on {host}. Their "
+                "work within a window of {window_ms:ms} changes the measured value."
             ),
             prose("Prove the applied layout: ", command("prove"), "."),
             address=f"component/{member.name}",

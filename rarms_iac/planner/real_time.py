@@ -35,7 +35,7 @@ def real_time_findings(answer: Layout, problem: Problem, places: Places) -> Iter
                 places.key(problem.system.section_of(name), name),
                 "Partitions with task classes on {host} need {_budgets} = {needed_percent} % of each processor. The "
                 "kernel gives all of them {admitted_percent} % (cpu.rt_runtime_us).",
-                "Reserve less for one of them, or remove `task` from its components.",
+                "Lower the reserve of one partition, or remove `task` from its components.",
                 address=f"partition/{name}",
                 host=host.name,
                 needed_percent=needed,
@@ -49,8 +49,10 @@ def real_time_findings(answer: Layout, problem: Problem, places: Places) -> Iter
                 if member.task_class and member.threads:
                     yield NEVER_STOPPED.at(
                         places.key("components", member.name, "task"),
-                        "Threads of {component} get a real-time priority on {host}, where such threads may use all of "
-                        "each processor (sched_rt_runtime_us).",
+                        (
+                            "Threads of {component} get a real-time priority on {host}. The kernel lets such threads "
+                            "use all of each processor (sched_rt_runtime_us)."
+                        ),
                         f"Run on {host.name}: `sysctl kernel.sched_rt_runtime_us=950000`.",
                         address=f"component/{member.name}",
                         component=member.name,

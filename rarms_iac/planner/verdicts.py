@@ -55,7 +55,7 @@ def not_measured(
 def without_log(components: Names, platform: str) -> NotMeasured:
     """Report that no data log has the reservation of these components."""
     template = "The reservation of {components:each} is not measured on platform {platform}."
-    advice = "Measure it first, or fix it with `cpu: { reserve: ... }`."
+    advice = "Measure it first, or set a fixed reserve: `cpu: { reserve: ... }`."
     return not_measured(planning_findings.UNMEASURED, components, platform, template, advice)
 
 

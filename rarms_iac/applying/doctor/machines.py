@@ -78,8 +78,8 @@ def check_cpu_group(host: SeenHost) -> Iterator[Diagnostic]:
                     "processor time. rarms plans with the whole host."
                 ),
                 (
-                    "Remove it from the group (`CpuGroups.exe SetVmGroup /VmName:NAME "
-                    "/GroupId:00000000-0000-0000-0000-000000000000`), or check by hand that the group has enough "
+                    "Remove the machine from the group: `CpuGroups.exe SetVmGroup /VmName:NAME "
+                    "/GroupId:00000000-0000-0000-0000-000000000000`. Or check by hand that the group has enough "
                     "processor time for the reserve."
                 ),
                 CPU_GROUP,

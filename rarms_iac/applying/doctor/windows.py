@@ -102,8 +102,10 @@ def check_free_memory(host: SeenHost) -> Iterator[Diagnostic]:
         yield LITTLE_MEMORY.of_host(
             host.name,
             "{host} has {_has} of memory left for machines, but {_names} {_verb} {_needs} to start.",
-            "Stop other programs and machines there, give partitions less memory in the manifest, or add memory to the "
-            "host.",
+            (
+                "Stop other programs and machines on the host, give partitions less memory in the manifest, or "
+                "add memory."
+            ),
             partitions=tuple(machine.settings.name for machine in off),
             has_memory_bytes=available,
             needs_memory_bytes=wanted,
@@ -156,7 +158,10 @@ def check_responsiveness(host: SeenHost) -> Iterator[Diagnostic]:
         return
     yield RESPONSIVENESS_VALUE.of_host(
         host.name,
-        "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` depend on it.",
+        (
+            "{host}: SystemResponsiveness is {_problem}. Task classes of components with `runs_on: host` depend on "
+            "this value."
+        ),
         "Set a DWORD of 10, 20, ... 90 and restart the host. With 20, other threads keep a fifth of a processor.",
         value=str(value.data),
         type=value.kind.value,

@@ -112,8 +112,10 @@ def review_memory_left(seen: SeenHost, changes: Sequence[Change]) -> Iterator[Di
                 change.reason.place,
                 "{partition} needs {_show_bytes} on one NUMA node to start. The node of {host} with the most free "
                 "memory has {_show_bytes_}, and NUMA spanning is off.",
-                "Stop other machines there, or give the partition less `memory`. Or allow NUMA spanning: run "
-                "`Set-VMHost -NumaSpanningEnabled $true`, then `Restart-Service vmms`. Then plan again.",
+                (
+                    "Stop other machines on the host, or give the partition less `memory`. Or allow NUMA spanning: "
+                    "run `Set-VMHost -NumaSpanningEnabled $true`, then `Restart-Service vmms`. Then plan again."
+                ),
                 address=str(change.address),
                 partition=change.address.partition,
                 memory=memory,
@@ -136,8 +138,10 @@ def _no_memory_left(host: str, more: Mapping[str, int], host_left: int, freed: i
         host,
         "The plan starts machines with {_show_bytes} on {host}: {_names}. {host} reports {_show_bytes_} free for "
         "machines.{_after_stops}",
-        "Stop other programs and machines there and plan again, give partitions less memory in the manifest, or add "
-        "memory to the host.",
+        (
+            "Stop other programs and machines on the host, give partitions less memory in the manifest, or add "
+            "memory. Then plan again."
+        ),
         partitions=tuple(more),
         starts_memory_bytes=total,
         left_memory_bytes=host_left,

@@ -92,17 +92,17 @@ def advice_on_weak_loads(
     each = f"for each of the {show_processors(host.logical_processors)}"
     owner = f"components.{members[0]}" if system.components[members[0]].interference else "policy"
     if not could_take_all(system.interference[BUSY_LOOP], host.logical_processors):
-        way = f"Make `interference.{BUSY_LOOP}` a busy loop without `threads`, so that it has one {each}"
+        way = f"Make `interference.{BUSY_LOOP}` a busy loop without `threads`, which has one thread {each}"
     elif BUSY_LOOP in loads:
         way = (
-            f"`{BUSY_LOOP}` has a thread {each}, but other work, a limit or an affinity kept it from using all of "
-            "them. Find the cause"
+            f"`{BUSY_LOOP}` has a thread {each}, but other work, a limit or an affinity kept it from using all "
+            "processors. Find the cause"
         )
     elif BUSY_LOOP in system.loads_of(members):
         return prose(f"Measure with `{BUSY_LOOP}` as well, as in the manifest: ", measure, ".")
     else:
-        way = f"Name `{BUSY_LOOP}` in `{owner}.interference`, so that plans use it, too"
-    return prose(f"{way}, and measure with it: ", measure, ".")
+        way = f"Add `{BUSY_LOOP}` to `{owner}.interference`"
+    return prose(f"{way}. Then measure with this load: ", measure, ".")
 
 
 @component_check(WRONG_VALUE)

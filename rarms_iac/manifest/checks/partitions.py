@@ -271,7 +271,7 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
         yield violation(
             ("partitions", partition.name, "memory"),
             '"{partition}" has {has_memory:bytes}, but its components need {needs_memory:bytes} ({_each}).',
-            "Raise the memory, or remove it: the partition then gets the sum.",
+            "Raise `memory`, or remove it to use the sum.",
             has_memory=partition.memory,
             needs_memory=needed,
             _each=each,

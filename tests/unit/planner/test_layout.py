@@ -430,8 +430,8 @@ def test_bursts_note_neighbours_of_a_tail() -> None:
 
     assert severity == "note"
     assert detail == (
-        "p95_response_time of vision depends on the 1 other partition on onboard: their work within a window of 100 "
-        "ms changes it."
+        "p95_response_time of vision depends on the 1 other partition on onboard. Their work within a window of "
+        "100 ms changes the measured value."
     )
 
 
