@@ -184,7 +184,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "the manifest begins with a byte order mark": (
         given("\ufeff" + MANIFEST),
-        Ask("validate", "or let `rarms fmt rarms.yaml` do it", "fmt rarms.yaml"),
+        Ask("validate", "or run `rarms fmt rarms.yaml`", "fmt rarms.yaml"),
     ),
     "an error is accepted that cannot be": (
         given(ACCEPTED),
@@ -205,7 +205,11 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("undo", "lists the runs on each host", "history"),
         Ask("apply a.plan", "Check the path and its permissions", "plan --out FILE"),
         Ask("apply rarms.yaml", "Give a file written by `rarms plan --out FILE`", "plan --out FILE"),
-        Ask("plan --target partition/sight", "(`rarms plan --verbose` lists the changes)", "plan --verbose"),
+        Ask(
+            "plan --target partition/sight",
+            "`rarms plan --verbose` lists the changes with their addresses",
+            "plan --verbose",
+        ),
         Ask("plan --nothing", "--help` lists its options", "plan --help"),
         Ask("measure another", "--help` lists its options", "measure --help"),
         Ask("measure speech", "Add an `apt`, or measure chosen settings", "measure speech --from 10% --to 100%"),

@@ -130,7 +130,7 @@ def test_limit_of_a_new_partition_is_shown() -> None:
     [
         ("", ("2 LP", ""), "the partition vision has 2 VPs and can use no more than 2 LP"),
         ("components: [vision, speech]", ("1 LP", ""), "it shares the partition front with speech without a limit"),
-        ("components: [vision, speech], cpu: { limit: 1.5 LP }", ("1 LP", ""), "the partition front has a limit"),
+        ("components: [vision, speech], cpu: { limit: 1.5 LP }", ("1 LP", ""), "the partition front has its own limit"),
         ("components: [vision, speech]", ("1 LP", "0.5 LP"), ""),
         ("", ("1 LP", ""), ""),
     ],
