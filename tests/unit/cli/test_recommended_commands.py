@@ -437,7 +437,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
     ),
     "all loads are weak": (
         given(MEASURED.replace("busy-loop", "bursts-20-half")),
-        Ask("measure vision", "Name `busy-loop` in `policy.interference`", "measure vision --interference busy-loop"),
+        Ask("measure vision", "Add `busy-loop` to `policy.interference`", "measure vision --interference busy-loop"),
     ),
     "the busy loop is weak itself": (
         given(f"{MEASURED}interference: {{ busy-loop: {{ kind: busy_loop, threads: 1 }} }}\n"),
