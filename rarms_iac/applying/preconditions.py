@@ -211,7 +211,7 @@ def _clones(names: list[str], places: Places) -> Diagnostic:
 def _slices(names: list[str], places: Places) -> Diagnostic:
     return ONE_MACHINE.at(
         places.key("hosts", names[0]),
-        "The hosts {hosts:all} are slices of one machine. rarms plans each slice with all processors of the machine.",
+        "The hosts {hosts:all} are slices of one machine. rarms plans each slice as if it had all processors.",
         "Combine the slices into one host. Or keep the part of the other slices free with `keep_for_host`.",
         address=f"host/{names[0]}",
         hosts=tuple(names),

@@ -212,7 +212,7 @@ def _machine_key(machine: str) -> str:
 def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Diagnostic:
     if may_stop:
         why = f"one of them would have to stop for a while, but `max_disruption` is {limit.value}"
-        advice = "Allow `--max-disruption partition_stop`, or stop one of them by hand and plan again."
+        advice = "Use `--max-disruption partition_stop`, or stop one of them by hand and plan again."
     else:
         why = "none of them runs, so none can be stopped to make room"
         advice = "Lower their reservations, or those of other machines on the host."

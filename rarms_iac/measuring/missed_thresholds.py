@@ -163,9 +163,9 @@ def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:
     if ways.asked_lp is None:
         yield f"Raise the reservation: the host has {show_processors(ways.free_lp)} free."
         return
-    asks = f"needs about {show_processors(ways.asked_lp)}, but its partition has {show_processors(ways.reserved_lp)}"
+    asks = f"about {show_processors(ways.asked_lp)}, but its partition has {show_processors(ways.reserved_lp)}"
     more = ways.asked_lp - ways.reserved_lp
-    why = "Its demand" if measured.overload else "At this slowdown it"
+    why = "Its demand is" if measured.overload else "At this slowdown it needs"
     if more <= ways.free_lp:
         yield f"{why} {asks}. Raise the reservation: the host has {show_processors(ways.free_lp)} free."
     else:

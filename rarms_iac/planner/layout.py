@@ -338,7 +338,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             yield NOT_PROVEN.at(
                 places.key("partitions", partition.name),
                 "{partition} stays on {host}; on {other_host} it would reserve {_best} instead of {_reserved:lp}.",
-                "If rarms may remove the partition and create it again, allow `--max-disruption removal`.",
+                "If rarms may remove the partition and create it again, use `--max-disruption removal`.",
                 address=f"partition/{partition.name}",
                 partition=partition.name,
                 host=partition.host,

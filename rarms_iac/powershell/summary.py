@@ -60,7 +60,7 @@ def summary_lines(pieces: Sequence[ScriptPiece]) -> tuple[str, str]:
     parts = [
         f"{counted(len(machines[_MADE]), 'machine')} added, {len(changed)} changed, {len(machines[_STOPPED])} stopped, "
         f"{len(machines[_REMOVED])} removed",
-        f"{counted(deleted, 'disk') if deleted else 'nothing'} deleted",
+        f"{counted(deleted, 'disk')} deleted",
         *([f"task classes: {len(classes - gone)} changed, {len(gone)} removed"] if classes else []),
     ]
     names = Counter(name for _, name in calls if name != _WAITS)

@@ -276,8 +276,8 @@ def check_process_width(host: SeenHost) -> Iterator[Diagnostic]:
         yield LACKS.of_host(
             host.name,
             (
-                "rarms read {host} with a {bits}-bit PowerShell. Such a PowerShell reads another part of the "
-                "registry, so the task classes are wrong."
+                "rarms used a {bits}-bit PowerShell to read {host}. This PowerShell reads a different part of the "
+                "registry, so the task classes shown are wrong."
             ),
             (
                 "Start the 64-bit PowerShell: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`. Do not "

@@ -99,7 +99,7 @@ def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN) -> 
 def _moving(moves: Mapping[str, str]) -> Iterator[Edits]:
     if moves:
         names = in_a_row([f"{name} may move away from {host}" for name, host in moves.items()])
-        yield (Edit(f"allow `--max-disruption removal`, so that {names}", partial(replace, may_move=True)),)
+        yield (Edit(f"use `--max-disruption removal`, so that {names}", partial(replace, may_move=True)),)
 
 
 def _of_kind(

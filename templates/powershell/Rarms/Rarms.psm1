@@ -209,7 +209,7 @@ function Initialize-Run {
     $script:Nodes = @()             # NUMA nodes, if a machine must fit on one
     $script:Changed = 0             # steps that this run did
     $script:Messages = @()          # messages of a step
-    # The variable may be missing in a service or a logon. Windows still reports the folder.
+    # The variable may be missing in a service or a logon. GetFolderPath returns the folder without it.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
     $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
@@ -442,7 +442,7 @@ function Invoke-Step {
 }
 
 function Test-Open {
-    # Whether one of these values differs from the wanted state. Work of an interrupted run is not repeated.
+    # Whether one of these values differs from the wanted state. A new run does not repeat the changes of an interrupted run.
     param([string[]] $Name)
     @(foreach ($one in $Name) { if ($script:Open -ccontains $one) { $one } }).Count -gt 0
 }
@@ -458,7 +458,7 @@ function Test-Wanted {
 }
 
 function Get-Leave {
-    # Why a step is not needed; empty if it is needed. The first two reasons are for undo scripts.
+    # Return the reason why a step is not needed, or nothing if it is needed. The first two reasons are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
     $lost = $script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']
@@ -590,7 +590,7 @@ function Write-ResultFile {
 }
 
 function Exit-Run {
-    # The host is not as planned or busy, or the plan was used: exit code 3 by default.
+    # The default exit code is 3: the host differs from the plan, the host is busy, or the plan was already used.
     param([string] $Kind = 'refused', [string] $Status = 'refused', [int] $Code = 3, [string] $Detail)
     $script:Ending = @{ Kind = $Kind; Status = $Status; Code = $Code }
     throw $Detail

@@ -2,7 +2,7 @@
 .SYNOPSIS
     rarms apply script: plan 5773a8dd7937 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    1 machine added, 0 changed, 0 stopped, 0 removed; 0 disks deleted.
     machine  processors  reserve                weight  memory  disk                                                                  switch  secure boot  start
     vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-5773a8dd7937.vhdx from D:\images\base.vhdx  lab     default      start
     Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 9e33011dba7fa8dc641b844f3875f226dd8b143a612742332a5fce25e0a8ac85, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 914b4cf27c44ed1b6c224799be6c75c344c0c0ea711f893812d4beaa0093950c, Rarms.psm1 8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '5773a8dd7937'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9e33011dba7fa8dc641b844f3875f226dd8b143a612742332a5fce25e0a8ac85'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '914b4cf27c44ed1b6c224799be6c75c344c0c0ea711f893812d4beaa0093950c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -83,7 +83,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
+    'Rarms.psm1' = '8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

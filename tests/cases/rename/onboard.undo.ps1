@@ -2,7 +2,7 @@
 .SYNOPSIS
     rarms undo script: plan a61e4d91d948 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    0 machines added, 1 changed, 0 stopped, 0 removed; 0 disks deleted.
     voice  name voice -> speech
     Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Rename-VM 1, Write-Mark 1.
@@ -21,7 +21,7 @@
     Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: Rarms.psm1 8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C.
 #>
 
 #Requires -Version 5.1
@@ -56,7 +56,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
+    'Rarms.psm1' = '8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

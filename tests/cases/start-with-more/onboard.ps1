@@ -2,7 +2,7 @@
 .SYNOPSIS
     rarms apply script: plan 814e19b9f5fb of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    2 machines added, 0 changed, 0 stopped, 0 removed; 0 disks deleted.
     machine  processors  reserve                weight  memory   disk  switch  secure boot  start
     door     1           1 LP (100 % of each)   100     256 MiB  none  none    default      start
     speech   1           0.8 LP (80 % of each)  200     512 MiB  none  none    default      start
@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo 121628f5afbde6b4041b38610c5486309161fd5d0ef223c875b73af092bd8b35, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo 3b54c22f25233e9b9345d39fa0a20793bcfac72b7fd4b341e9a00938a344356f, Rarms.psm1 8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '814e19b9f5fb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '121628f5afbde6b4041b38610c5486309161fd5d0ef223c875b73af092bd8b35'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '3b54c22f25233e9b9345d39fa0a20793bcfac72b7fd4b341e9a00938a344356f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -103,7 +103,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
+    'Rarms.psm1' = '8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -2,7 +2,7 @@
 .SYNOPSIS
     rarms apply script: plan 664e0a81f427 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
-    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    1 machine added, 0 changed, 0 stopped, 0 removed; 0 disks deleted.
     machine  processors  reserve                weight  memory  disk  switch  secure boot  start
     vision   2           1.6 LP (80 % of each)  100     1 GiB   none  none    default      start
     Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
@@ -22,7 +22,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo aca4ce458e03386e2df35203d9729c15a2cbe47b556d292084f90f136acef37c, Rarms.psm1 3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 191202b6f94731508f14bfd013fa27b91729cdd9301bdc90f963aa7bb826b459, Rarms.psm1 8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'aca4ce458e03386e2df35203d9729c15a2cbe47b556d292084f90f136acef37c'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '191202b6f94731508f14bfd013fa27b91729cdd9301bdc90f963aa7bb826b459'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '3E4C7D916888727C78249F003264D78E6588679AE976EDFADC29EE2F0EA666E4'
+    'Rarms.psm1' = '8B891771B5C2EF6822A2D669178E6B0478750DB3FD90F46F1022CC55C3E9EA1C'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -164,7 +164,7 @@ KINDS: dict[str, tuple[str, Callable[..., None]]] = {
         _together,
     ),
     "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?,? may be enough.*", _anew),
-    "moving": (r"allow `--max-disruption removal`, .*", _nothing),
+    "moving": (r"use `--max-disruption removal`, .*", _nothing),
 }
 
 

@@ -210,7 +210,7 @@ def test_table_without_banner_says_its_steps() -> None:
     assert lines(*map(str, range(6)))[0].startswith("    # === part-0 and 5 more: with the values of each row =")
 
 
-RISK = "    2 machines added, 3 changed, 2 stopped, 1 removed; nothing deleted; task classes: 2 changed, 0 removed.\r\n"
+RISK = "    2 machines added, 3 changed, 2 stopped, 1 removed; 0 disks deleted; task classes: 2 changed, 0 removed.\r\n"
 UNDO_RISK = (
     "    0 machines added, 4 changed, 3 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 1 removed.\r\n"
 )
@@ -228,7 +228,7 @@ def test_a_changed_reserve_stops_removes_and_deletes_nothing() -> None:
 
     for script in scripts.values():
         text = script.decode("ascii")
-        assert "    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.\r\n" in text
+        assert "    0 machines added, 1 changed, 0 stopped, 0 removed; 0 disks deleted.\r\n" in text
         assert "    Only these calls change something, with their numbers: Set-VMProcessor 1, Write-Mark 1.\r\n" in text
     there, back = (re.search(r"reserve (\S+) -> (\S+) LP", text.decode("ascii")) for text in scripts.values())
     assert there
