@@ -58,7 +58,7 @@ def test_reader_that_stops_changes_no_exit_code(manifest: Path, words: list[str]
     answer = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, timeout=300)
 
     assert answer.stdout.splitlines()[-1] == "0"
-    assert answer.stderr == ""
+    assert answer.stderr == ("Next: `rarms apply`\n" if words == ["plan"] else "")
 
 
 @pytest.mark.needs("posix", "bash")

@@ -90,7 +90,7 @@ def test_plan_apply_plan_is_empty(robot: Robot) -> None:
 
     assert (planned.code, applied.code, again.code) == (0, 0, 0)
     assert planned.lines[-1] == "Plan: 2 to add, 0 to change, 0 to remove."
-    assert "complete" in applied.err
+    assert "Applied on" in applied.err
     assert again.out == "No changes. The host is as in the manifest.\n"
 
 

@@ -86,9 +86,9 @@ def test_editor_accepts_init_and_explains_quantities(tmp_path: Path) -> None:
         problems = editor.problems(wrong)
 
     assert [problem.split(": ", 1)[1] for problem in problems] == [
-        "Write a number above 0 with the unit B, KiB, MiB, GiB or TiB, as in `512 MiB`.",
-        "Write a number with the unit us, ms, s, min or h, as in `88 ms`.",
-        "Write `measured` or a number with the unit % or LP, as in `measured` or `70 %` or `1.4 LP`.",
+        "Write a number above 0 with the unit B, KiB, MiB, GiB or TiB, for example `512 MiB`.",
+        "Write a number with the unit us, ms, s, min or h, for example `88 ms`.",
+        "Write `measured` or a number with the unit % or LP, for example `measured` or `70 %` or `1.4 LP`.",
     ]
 
 

@@ -279,7 +279,7 @@ def test_idle_busy_loop_is_measured_again(tmp_path: Path, monkeypatch: pytest.Mo
 
     said = " ".join(refused.err.split())
     assert refused.code == 4
-    assert "other work, a limit or an affinity kept it from using all of them" in said
+    assert "other work, a limit or an affinity kept it from using all processors" in said
     assert "busy-loop left 40 % of 1 LP idle. Of 1 LP, make in /user.slice used 20 %." in said
     assert "rarms measure a --interference busy-loop --again" in said
     assert "a: rejected, because the loads left processors idle" in refused.out
