@@ -126,7 +126,7 @@ def _service(host: str, connect: WinRmConnect) -> Any:
 
     name = connect.password.name if connect.password else ""
     if name and name not in os.environ:
-        message = f"the variable {name}for the password of {connect.user} is not set here"
+        message = f"the variable {name} for the password of {connect.user} is not set here"
         raise HostFailed(host, message, f"Set {name} in the environment of rarms.")
     return WSMan(
         connect.winrm,
