@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs("chromium")
 
-LONGEST = 120.0
+LONGEST = 300.0
 """Seconds to wait for words; a machine may be busy."""
 RARMS = (sys.executable, "-m", "rarms_iac.cli.main")
 
