@@ -63,7 +63,7 @@ def _group_of_service(component: str, service: str, tree: GroupTree, effects: Li
     found = effects.output("systemctl", "list-units", "--plain", "--no-legend", "--state=active", unit, instances)
     units = [line.split()[0] for line in found.splitlines() if line.strip()]
     if len(units) > 1:
-        advice = f"Write the full name, such as `service:  {units[0]}`."
+        advice = f"Write the full name, such as `service: {units[0]}`."
         raise CannotStart(component, f"several services have the name {service}: {', '.join(units)}", advice)
     if units and units != [unit]:
         advice = f"Write `service: {units[0].removesuffix('.service')}`."
