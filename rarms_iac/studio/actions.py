@@ -199,11 +199,11 @@ class ProveAction(Action):
         outcome = prove_layout(hosts, request, Control(reporter=transcript, stop=stop))
         if outcome.stopped:
             if outcome.proofs:
-                transcript.say(proof_text(outcome.proofs))
+                transcript.say(proof_text(outcome))
             transcript.message(stopped_proof(outcome, request))
             return "stopped"
         transcript.findings(outcome.findings, hosts.manifest.sources)
-        transcript.say(proof_text(outcome.proofs))
+        transcript.say(proof_text(outcome))
         if outcome.not_proven:
             transcript.message(f"Not proven, because they run on other hosts: {in_a_row(outcome.not_proven)}.")
         return "failed" if outcome.findings else "done"

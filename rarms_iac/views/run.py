@@ -224,7 +224,7 @@ def run_text(report: RunReport, following: RecommendedCommand | None = None) -> 
         following: the command to recommend; None: none, or the ending says how to continue.
     """
     sentences = [*_sentences(report)]
-    if following is not None and sentences:
+    if following is not None:
         sentences[-1] = prose(sentences[-1], " Next: ", following)
     return stack(*map(paragraph, sentences))
 

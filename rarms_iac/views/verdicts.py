@@ -64,7 +64,7 @@ def advise_to_measure(verdicts: Iterable[ComponentVerdict]) -> Prose | None:
     """Recommend the command that measures the rest; None: everything is measured."""
     if all(verdict.achievement is not Achievement.UNMEASURED for verdict in verdicts):
         return None
-    return prose("Measure all components: ", MEASURE, ".")
+    return prose("Measure the missing reservations: ", MEASURE, ".")
 
 
 def why_not_known(verdicts: Iterable[ComponentVerdict]) -> str:
@@ -116,8 +116,9 @@ def stopped_proof(outcome: ProveOutcome, request: ProveRequest, hosts: Sequence[
     return prose(f"Stopped. The proofs with {in_a_row(loads)} are saved. {rest}", following, ".")
 
 
-def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
-    """Return a table a host and load, a row an index, and a sentence each."""
+def proof_text(outcome: ProveOutcome) -> "RenderableType":
+    """Return a table a host and load, a row an index, and a sentence each; the next command if all is proven."""
+    proofs = outcome.proofs
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
     rows = [
@@ -130,7 +131,7 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
         [each.condition for proof in proofs for each in proof.verdicts if each.condition is not None], verbose=True
     )
     sentences: list[Wording] = [*map(_sentence, proofs)]
-    if not any(proof.not_met for proof in proofs):
+    if outcome.met:
         sentences[-1] = prose(sentences[-1], " Next: ", DRIFT)
     totals = [
         *sharing,

@@ -67,11 +67,11 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
     outcome = prove_layout(hosts, request, control)
     if outcome.stopped:
         if outcome.proofs:
-            session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
+            session.answer(lambda: json_of(outcome), lambda: proof_text(outcome))
         session.terminal.tell(stopped_proof(outcome, request, hosts.selection.hosts))
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
-    session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
+    session.answer(lambda: json_of(outcome), lambda: proof_text(outcome))
     if outcome.not_proven:
         session.terminal.tell(f"Not proven, because they run on other hosts: {', '.join(outcome.not_proven)}.")
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE

@@ -40,7 +40,7 @@ from rarms_iac.cli.messages import OutputOptions, is_shown, write_outputs
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.manifest.text.tree import first_line
-from rarms_iac.model.commands import APPLY, MEASURE, prose
+from rarms_iac.model.commands import APPLY, MEASURE, CommandOption, RecommendedCommand, prose
 from rarms_iac.model.diagnostics import Findings, Places, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.templates import ScriptForm
@@ -99,9 +99,18 @@ def plan_command(
     )
     if options.out is not None:
         write_and_advise(session, options.out, plan)
-    elif plan.has_changes and not hosts.snapshots.hosts and is_shown(outputs):
-        session.terminal.tell(prose("Next: ", MEASURE if any(each.needs_consent for each in plan.hosts) else APPLY))
+    elif is_shown(outputs) and any(part.steps for part in plan.hosts) and not host_selection.snapshots:
+        session.terminal.tell(prose("Next: ", _next_command(plan, host_selection, limits)))
     return ExitCode.FOUND if options.detailed_exitcode and plan.has_changes else ExitCode.DONE
+
+
+def _next_command(plan: Plan, selection: SnapshotSelection, limits: PlanLimits) -> RecommendedCommand:
+    """Return the command that makes these changes, or first measures; `rarms apply` plans with the same options."""
+    if any(part.needs_consent for part in plan.hosts):
+        return MEASURE
+    chosen = [CommandOption("--host", name) for name in selection.hosts]
+    chosen += [CommandOption("--target", address) for address in limits.targets]
+    return replace(APPLY, options=tuple(chosen)).also(max_disruption=limits.max_disruption or False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -291,7 +291,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
             yield violation(
                 ("interference", name),
                 'Neither `policy.interference` nor a component names "{interference}".',
-                ("Use the load in one of them, or remove it. Keep a load that you only use with `--interference`."),
+                "Use the load in one of them, or remove it. Keep a load that you only use with `--interference`.",
                 at_key=True,
             )
 

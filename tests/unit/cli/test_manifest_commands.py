@@ -80,6 +80,18 @@ def test_validate_errors_are_data_with_code_2(here: Path) -> None:
     assert "Did you mean" in answer.out
 
 
+def test_validate_recommends_measure_then_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert rarms("init").code == 0
+    manifest = tmp_path / "rarms.yaml"
+    fixed = manifest.read_text(encoding="utf-8")
+
+    assert rarms("validate").err == "Next: `rarms plan`\n"
+    assert rarms("validate", "rarms.yaml").err == "", "other files may belong to another manifest"
+    manifest.write_text(fixed.replace("reserve: 30 %", "reserve: measured"), encoding="utf-8")
+    assert rarms("validate").err == "Next: `rarms measure`\n"
+
+
 def test_validate_reads_standard_input(here: Path) -> None:
     text = (here / "rarms.yaml").read_text(encoding="utf-8")
 

@@ -57,6 +57,18 @@ def test_placement_is_in_json_and_plan_file(fleet: Path) -> None:
     }
 
 
+def test_plan_recommends_apply_with_its_options(fleet: Path) -> None:
+    chosen = ["--host", "one", "--target", "partition/a", "--max-disruption", "removal"]
+
+    planned = rarms("plan", "-f", str(fleet), *chosen)
+    program = rarms("plan", "-f", str(fleet), "--json")
+
+    assert f"Next: `rarms apply {' '.join(chosen)} -f " in " ".join(planned.err.split()), planned
+    assert "Next: " not in program.err
+    assert rarms("apply", "-f", str(fleet), *chosen, "--auto-approve").code == 0
+    assert "Next: " not in rarms("plan", "-f", str(fleet), *chosen).err, "nothing is left to apply"
+
+
 def test_plan_show_and_explain_say_optimal(fleet: Path) -> None:
     planned = rarms("plan", "-v", "-f", str(fleet), "--out", str(fleet / "plan.json"))
     shown = rarms("show", "-v", str(fleet / "plan.json"))

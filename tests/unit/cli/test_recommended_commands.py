@@ -465,7 +465,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         given(PAIR, "measure vision --from 40% --to 80% --step 40%"),
         Ask(
             "report",
-            ("Measure all components: ", "The manifest cannot be applied"),
+            ("Measure the missing reservations: ", "The manifest cannot be applied"),
             ("measure", "plan"),
             may_answer=NO,
             in_view=True,

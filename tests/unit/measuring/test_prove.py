@@ -111,7 +111,7 @@ def test_every_verdict_says_its_error(here: Path) -> None:
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
     shown = f"{float(str(mean['value'])):.1f} ms"
     assert row_of(text, "vision")[1:] == ["mean <= 70 ms", shown, "busy-loop", "met"]
-    assert re.search(r"\d+ starts, all thresholds met\.", text)
+    assert re.search(r"\d+ starts, all thresholds met\. Next: `rarms drift`$", " ".join(text.split()))
     assert "99 % confidence each; a maximum or minimum is met" in " ".join(text.split())
     assert "met so far\n" in text, "of a maximum no sample can say what the next job does"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]

@@ -194,7 +194,7 @@ def test_commands_in_tables_are_code() -> None:
     page = as_html(report_of_logs(a_robot(), the_logs(a_robot())[:1])).decode()
 
     assert '<td data-is="Verdict">not measured</td>' in page
-    assert "Measure all components: <code>rarms measure</code>." in page
+    assert "Measure the missing reservations: <code>rarms measure</code>." in page
 
 
 def test_only_commands_in_findings_are_code() -> None:
