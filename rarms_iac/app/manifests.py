@@ -158,7 +158,6 @@ class Validation:
     accepted: tuple[Diagnostic, ...]
     sources: Mapping[str, Sequence[str]]
     is_missing: bool = False  # a file that was named is not there
-    is_measured: bool = True  # each reservation that is to be measured was measured
 
     def fails(self, *, strict: bool = False) -> bool:
         """Return whether there are errors, or warnings in a strict validation.
@@ -185,7 +184,6 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
         accepted=first_of_each_kind(_each_once(each.accepted for each in checked)),
         sources={file: lines for each in checked for file, lines in each.sources.items()},
         is_missing=any(each.is_missing for each in checked),
-        is_measured=all(each.is_measured for each in checked),
     )
 
 
@@ -209,7 +207,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
             sources=loaded.sources, findings=loaded.diagnostics, accepted=(), is_missing=loaded.is_missing
         )
     # Imported here: what cannot be read does not need the planner.
-    from rarms_iac.app.declared_hosts import NOT_YET_MEASURED, declared_host_findings
+    from rarms_iac.app.declared_hosts import declared_host_findings
 
     errors = [finding for finding in loaded.diagnostics if finding.severity is Severity.ERROR]
     beyond = declared_host_findings(Manifest(source=source, system=system, loaded=loaded), errors)
@@ -220,8 +218,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
         source.today,
         codes=CODES,
     )
-    is_measured = all(finding.code != NOT_YET_MEASURED.code for finding in beyond)
-    return Validation(sources=loaded.sources, findings=remaining, accepted=accepted, is_measured=is_measured)
+    return Validation(sources=loaded.sources, findings=remaining, accepted=accepted)
 
 
 def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSource, ...]:

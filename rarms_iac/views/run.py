@@ -265,7 +265,9 @@ def _reported_host(report: HostReport, *, partial: bool) -> str:
     if is_undo and report.ending is RunEnding.DONE and not report.total:
         why = "The run cannot be undone" if partial else "The run changed nothing"
         return f"Nothing to undo on {report.host}. {why}."
-    steps = f"{counted(report.changed, 'step')} done, {report.unchanged} not needed"
+    steps = f"{counted(report.changed, 'step')} done"
+    if report.unchanged:
+        steps += f", {report.unchanged} not needed"
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
         return f"The {name} on {report.host} is not complete: {steps}, {remaining} of {report.total} left."

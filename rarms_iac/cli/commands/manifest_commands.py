@@ -89,7 +89,10 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
     if checked.fails(strict=options.strict):
         return ExitCode.FOUND
     if not options.files and is_shown(outputs):
-        session.terminal.tell(prose("Next: ", PLAN if checked.is_measured else MEASURE))
+        from rarms_iac.app.declared_hosts import NOT_YET_MEASURED  # loads the planner, so only for a valid manifest
+
+        unmeasured = any(finding.code == NOT_YET_MEASURED.code for finding in (*checked.findings, *checked.accepted))
+        session.terminal.tell(prose("Next: ", MEASURE if unmeasured else PLAN))
     return ExitCode.DONE
 
 
