@@ -550,7 +550,6 @@ components:
 
 @pytest.mark.alone
 @pytest.mark.needs("ssh", "control-groups", "mounts")
-@pytest.mark.needs("long")  # it measures for five minutes
 def test_a_robot_behind_ssh_measures_and_proves_itself(robot_rarms: Path, tmp_path: Path) -> None:
     with a_server(tmp_path, partial(on_robot, robot_rarms)) as remote:
         (tmp_path / "fleet").mkdir()
