@@ -22,6 +22,9 @@ FLAGS = (
     "--hide-scrollbars",
 )
 
+ANSWERED_S = 600
+"""The driver answers within this time. Longer than any script waits: otherwise a wait ends without its own message."""
+
 
 @contextmanager
 def chromium(profile: Path, *flags: str) -> Iterator["WebDriver"]:
@@ -35,6 +38,7 @@ def chromium(profile: Path, *flags: str) -> Iterator["WebDriver"]:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = Chrome(options=options, service=Service(shutil.which("chromedriver") or ""))
+    driver.command_executor.client_config.timeout = ANSWERED_S
     try:
         yield driver
     finally:
