@@ -120,14 +120,13 @@ class TerminalReporter:
 
     @cached_property
     def steps(self) -> "RunReporter":
-        """Steps of a run, a line a partition, updated in place; for programs a line a step, as data."""
+        """Steps of a run, a line a partition; for programs a line a step, as data."""
         from rarms_iac.views.run import RunProgress, StepLines
 
         terminal = self._terminal
         if self._steps_as_json:
             return StepLines(terminal.data_now)
-        live = terminal.live() if terminal.lively else None
-        return self._progress.enter_context(RunProgress(terminal.tell, time.monotonic, live))
+        return self._progress.enter_context(RunProgress(terminal.tell, time.monotonic, terminal.live_line()))
 
     @cached_property
     def settings(self) -> "MeasuringReporter":

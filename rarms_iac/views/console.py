@@ -249,7 +249,7 @@ class Harmless:
 
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
-    """Return a console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
+    """Return a console for what rich updates in place on a terminal (`rich.live`)."""
     return _console(cast("TextIO", _PlainSpaces(stream)), width, terminal=True, colour=colour)
 
 
