@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
@@ -27,7 +28,7 @@ from rarms_iac.model.totals import Totals, totals_of
 from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
-from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.layout import gather_unmeasured, plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
 from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.planner.task_classes import ClassValues
@@ -69,12 +70,11 @@ def desired_hosts(
     layout = planning.answer
     if not isinstance(layout, Layout):
         namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
-        return {}, (*namesakes, *(map(_advise_to_settle, planning.findings) if namesakes else planning.findings))
+        findings = gather_unmeasured(planning.findings)
+        return {}, (*namesakes, *(map(_advise_to_settle, findings) if namesakes else findings))
     hosts = {name: desired_state(system, layout, host, places, request.limit) for name, host in seen.items()}
-    findings = list(planning.findings)
-    for desired in hosts.values():
-        findings += [*desired.findings, *ignored_reserves(desired.state, places)]
-    return hosts, tuple(findings)
+    of_hosts = ((*desired.findings, *ignored_reserves(desired.state, places)) for desired in hosts.values())
+    return hosts, (*planning.findings, *chain.from_iterable(of_hosts))
 
 
 def _without_layout(request: PlanRequest, seen: SeenHost) -> Desired:

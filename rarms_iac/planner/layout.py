@@ -116,6 +116,28 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
         )
 
 
+def gather_unmeasured(findings: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Replace the findings on components without a measurement: one for each platform, in the place of its first."""
+    kinds: dict[object, list[Diagnostic]] = {}
+    for finding in findings:
+        is_one = finding.code == planning_findings.UNMEASURED.code and "loads_not_measured" not in finding.values
+        kinds.setdefault(finding.values["platform"] if is_one else finding, []).append(finding)
+    return tuple(alike[0] if len(alike) == 1 else _unmeasured_together(alike) for alike in kinds.values())
+
+
+def _unmeasured_together(alike: Sequence[Diagnostic]) -> Diagnostic:
+    first, components = alike[0], [each.values["components"] for each in alike]
+    return planning_findings.UNMEASURED.at(
+        first.place,
+        "{components} are not measured on {platform} yet.",
+        prose("Measure first: ", MEASURE, ". Or set fixed reserves (`cpu.reserve`)."),
+        address=first.address,
+        components=tuple(name for names in components if isinstance(names, tuple) for name in names),
+        platform=first.values["platform"],
+        proven=first.values["proven"],
+    )
+
+
 def _limit_of_search(answer: Infeasible) -> str:
     if not answer.unfinished:
         return ""
