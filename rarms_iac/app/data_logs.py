@@ -13,15 +13,14 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
-from rarms_iac.model.diagnostics import DIFFERENT, Diagnostic, Finding, Given
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorNumber, Used, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import ReservePercent, guaranteed
-from rarms_iac.model.setting import ATTACHED_CONFINEMENT, CONFINEMENT, GROUP_CONFINEMENT, SHORT, Setting, most_used
+from rarms_iac.model.setting import SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
@@ -31,6 +30,9 @@ from rarms_iac.statistics.curves import Curve, curve_of, highest_missed, least_r
 from rarms_iac.statistics.first_look import least_estimated
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import (
+    ATTACHED_CONFINEMENT,
+    CONFINEMENT,
+    GROUP_CONFINEMENT,
     Changed,
     LogSubject,
     ObservedPlatform,
@@ -41,6 +43,8 @@ from rarms_iac.storage.datalog.identity import (
 )
 from rarms_iac.storage.datalog.log import DataLog, LogFile, Recorded
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
+from rarms_iac.texts.findings import DIFFERENT, Finding, Given
+from rarms_iac.texts.messages import in_a_row
 
 LISTED = 4
 """Changes that one message names; more are counted."""

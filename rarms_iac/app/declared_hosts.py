@@ -16,7 +16,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.commands import MEASURE, PLAN, prose
-from rarms_iac.model.diagnostics import OVER_HOST, UNUSABLE_RESERVE, Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Infeasible, LookedUp, PlacedPartition
 from rarms_iac.model.quantities import in_processors
@@ -39,6 +39,7 @@ from rarms_iac.planner.reservations import (
 )
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.texts.findings import OVER_HOST, UNUSABLE_RESERVE, Finding
 
 
 def states_at_hand(manifest: Manifest) -> Mapping[str, State]:

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.system import AtMost, Component, Threshold
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import Curve, highest_missed, holds
 from rarms_iac.statistics.distributions import describe_extreme
 from rarms_iac.texts.indexes import show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import share_of_processors, show_processors
 
 
 @dataclass(frozen=True, slots=True)

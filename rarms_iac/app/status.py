@@ -23,9 +23,9 @@ from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Rights, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.interface import RobotHost, StepwiseHost
+from rarms_iac.texts.messages import in_a_row, natural_order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from rarms_iac.diff.step_context import NO_CLAIM, ManifestRules, StepContext, cl
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, Diagnostic, Place, Places, Related
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.names import renaming
@@ -25,13 +25,14 @@ from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.totals import Totals, totals_of
-from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import gather_unmeasured, plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
 from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.planner.task_classes import ClassValues
+from rarms_iac.texts.findings import FOREIGN_AT_NAME
+from rarms_iac.texts.messages import natural_order
 
 
 def desired_hosts(

@@ -17,13 +17,13 @@ from rarms_iac.measuring.strategies import Method, SettingCount, Sweep, is_of_pa
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.model.wording import counted
 from rarms_iac.statistics.distributions import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.steady_state import MEMORY_FACTOR, least_setting_ms
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_duration
 
 _UNTIL_CLEAR = SettingCount(least=1, most=1, ends_early=True, goes_on=True)
 

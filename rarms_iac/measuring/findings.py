@@ -10,7 +10,7 @@ from typing import Any, assert_never
 
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import (
@@ -24,22 +24,17 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import (
-    ReservePercent,
-    guaranteed,
-    show_amount,
-    show_duration,
-    show_processors,
-    show_reserve,
-)
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Measured
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
+from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_amount, show_duration, show_processors, show_reserve
 
 VPS_USED = Finding.note("RARMS380", "The component uses a different number of processors")
 FAILURES = Finding.error("RARMS113", "Too many samples failed")

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
-from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.setting import SettingEvidence, join_heard
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.quantities import show_duration
 
 OTHER_CLOCK = Finding.warning("RARMS430", "Message stamps are from another clock")
 SIMULATED_TIME = Finding.warning("RARMS431", "The robot runs on simulated time")

@@ -12,18 +12,20 @@ from rarms_iac.measuring.evidence import MeasuredIndex
 from rarms_iac.measuring.findings import NO_MORE_CPU, NO_STEADY_STATE, NOT_RESOLVED, index_facts, show_index
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
-from rarms_iac.model.quantities import Unit, show_duration, show_processors
+from rarms_iac.model.quantities import Unit
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.totals import host_totals
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import threshold_met_by
+from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_threshold
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_duration, show_processors
 
 MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
 

@@ -17,11 +17,10 @@ from rarms_iac.measuring.findings import MORE_MEMORY, why_out_of_memory
 from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import show_duration, show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import (
     ALL_PARTITIONS,
@@ -33,9 +32,11 @@ from rarms_iac.model.setting import (
     SettingEvidence,
     ThreadsSeen,
 )
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.samples import response_times
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_duration, show_processors
 
 WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")
 MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes for lack of memory")

@@ -46,14 +46,14 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_duration
 
 LEAST_PROOF = 1_200_000.0
 """The time of the host, in ms, that a proof has at least where the manifest does not say it."""

@@ -24,15 +24,14 @@ from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, TooManyFailures, Verdict
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import Milliseconds, show_duration
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import AttachedContainer, AttachedService, Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import HeardMessages, Sample, Series, SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Component, System, Threshold, run_of
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
@@ -43,6 +42,9 @@ from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_duration
 
 CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 

@@ -38,15 +38,16 @@ from rarms_iac.measuring.strategies import (
     strategy_of,
 )
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import DIFFERENT, MISSING, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
 from rarms_iac.model.outcomes import Conclusion, Condition, Measure, Stopped, Sufficient
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
-from rarms_iac.model.wording import counted
 from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.statistics.curves import curves_of, least_reserve
+from rarms_iac.texts.findings import DIFFERENT, MISSING
+from rarms_iac.texts.messages import counted
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:

@@ -27,7 +27,6 @@ from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.layouts import Objective
@@ -53,6 +52,7 @@ from rarms_iac.planner.problem import Problem, problem_of, solve, system_around
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
 from rarms_iac.storage.datalog.decisions import TuningEnding, TuningStrategy
+from rarms_iac.texts.messages import counted
 
 
 class TuningStopped(Unanswered):

@@ -11,9 +11,10 @@ from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient, Swept
-from rarms_iac.model.quantities import guaranteed, show_duration
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.statistics.first_look import point_estimate
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_duration
 
 
 @dataclass(slots=True, kw_only=True)

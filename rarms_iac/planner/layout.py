@@ -14,11 +14,9 @@ from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, comma
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Mechanism
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
-from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import Disruption, Measured, System
-from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.measured_conditions import little_memory, other_governor
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
@@ -27,6 +25,8 @@ from rarms_iac.planner.planning_findings import NOT_PROVEN
 from rarms_iac.planner.problem import Problem, by_name, check_layout, problem_of, solve
 from rarms_iac.planner.real_time import real_time_findings
 from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.texts.messages import counted, list_names
+from rarms_iac.texts.quantities import show_bytes, show_lp_percent, show_processors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,15 +11,17 @@ from typing import TypeGuard
 
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, worst
-from rarms_iac.model.quantities import ReservePercent, guaranteed, show_processors
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.system import Component, Threshold
-from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.statistics.curves import Curve, highest_missed, least_reserve
 from rarms_iac.storage.datalog.log import DataLog, Recorded
+from rarms_iac.texts.findings import Finding, Given
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_processors
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""

@@ -4,8 +4,9 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.model.indexes import PerformanceIndex
-from rarms_iac.model.quantities import UNITS, plain, show_number
+from rarms_iac.model.quantities import UNITS
 from rarms_iac.model.system import Threshold
+from rarms_iac.texts.quantities import plain, show_number
 
 
 def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Threshold | None = None) -> str:

@@ -29,8 +29,9 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.plan import Step
-from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_period, show_processors, write_bytes
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import NO_GENERATION, Partition, PartitionSettings, StartAction
+from rarms_iac.texts.quantities import plain, show_lp_percent, show_period, show_processors, write_bytes
 
 _AUTOMATIC_START = {
     StartAction.NOTHING: "no",

@@ -11,11 +11,12 @@ from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.facets import LABELS, NO_LIMIT, settings_of
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.messages import counted, in_a_row, natural_order
 from rarms_iac.texts.plans import setting_text
+from rarms_iac.texts.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 from rarms_iac.views.table import Column, Row, Table
 

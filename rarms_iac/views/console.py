@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording
-from rarms_iac.model.wording import HIDDEN
+from rarms_iac.texts.messages import HIDDEN
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult

@@ -9,9 +9,9 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, STATUS, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
+from rarms_iac.texts.quantities import show_bytes, show_processors
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 from rarms_iac.views.finding_forms import OutputFormat, findings_as
 from rarms_iac.views.findings_text import findings_text

@@ -10,15 +10,15 @@ from rarms_iac.measuring.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
-from rarms_iac.model.quantities import ReservePercent, guaranteed, show_duration, show_number, show_processors
-from rarms_iac.model.run import STREAM_NAMES
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.messages import STREAM_NAMES, counted, natural_order
+from rarms_iac.texts.quantities import show_duration, show_number, show_processors
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRow, Table

@@ -10,10 +10,10 @@ from rarms_iac.measuring.level_prompt import CombiningOffer
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.commands import MEASURE, Wording, prose
 from rarms_iac.model.indexes import PerformanceIndex, index_named
-from rarms_iac.model.quantities import share_of_processors, show_lp_percent, show_processors
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import share_of_processors, show_lp_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 

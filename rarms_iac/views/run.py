@@ -23,8 +23,8 @@ from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.model.commands import PLAN, PROVE, START, STATUS, UNDO, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.plan import HostPlan, Purpose, UndoLevel
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import counted
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_processors
 from rarms_iac.views.changes import describe_counts, members_of
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.json_output import json_of

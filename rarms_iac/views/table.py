@@ -11,7 +11,7 @@ from itertools import compress, zip_longest
 from math import isfinite
 from typing import TYPE_CHECKING, Protocol, TypeAlias, Union
 
-from rarms_iac.model.quantities import plain
+from rarms_iac.texts.quantities import plain
 from rarms_iac.views.console import STRONG, Harmless, columns, indented, paragraph, stack, styled
 
 if TYPE_CHECKING:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_processors
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_lp_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 

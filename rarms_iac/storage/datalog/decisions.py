@@ -17,11 +17,11 @@ from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.system import Threshold
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union
 from rarms_iac.storage.datalog.files import TUNING, append_to_log, decoded_records
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.records import LogLine, iterate_log
+from rarms_iac.texts.messages import quoted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,10 +10,10 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
-from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.quantities import plain, show_number
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.tables import settings_of
 from rarms_iac.views.status import other_claims_text

@@ -15,8 +15,9 @@ from rarms_iac.app.manifests import Validation, load_manifest, sources_in, valid
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Severity, first_of_each_kind
+from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.system import Acceptance, Policy
+from rarms_iac.texts.findings import MOST_OF_A_KIND, Finding, first_of_each_kind
 from tests.builders import PathPlaces
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"

@@ -12,10 +12,11 @@ from rarms_iac.measuring.duration import WallTimes, forecast, least_ms, settings
 from rarms_iac.measuring.strategies import Method, Search, SettingCount, Sweep
 from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.quantities import ReservePercent, show_duration
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
+from rarms_iac.texts.quantities import show_duration
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting
 from tests.unit.measuring.bench import Bench

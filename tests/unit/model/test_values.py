@@ -19,6 +19,11 @@ from rarms_iac.model.quantities import (
     ShareOfHost,
     Unit,
     parse_quantity,
+)
+from rarms_iac.model.run import Run
+from rarms_iac.model.series import Sample, columns_of
+from rarms_iac.statistics.samples import deadline_misses, ends_ms, response_times, successes
+from rarms_iac.texts.quantities import (
     share_of_host,
     show_amount,
     show_bytes,
@@ -26,9 +31,6 @@ from rarms_iac.model.quantities import (
     show_reserve,
     write_bytes,
 )
-from rarms_iac.model.run import Run
-from rarms_iac.model.series import Sample, columns_of
-from rarms_iac.statistics.samples import deadline_misses, ends_ms, response_times, successes
 from tests.builders import a_component, a_run
 from tests.effort import examples
 
