@@ -46,11 +46,9 @@ class SelectedLevel:
     reserve: int  # whole per cent of each virtual processor
     processors: int  # virtual ones
     host: str  # the first of the platform
-    host_lp: int  # LPs that it has
     measured_below: int  # the next lower reserve that was measured; 0: none was
     expected: Estimate | Point | None  # the index there, and its band; None: not measured there
-    interference: str  # the load that asks for most: both are of its log
-    other_loads: tuple[str, ...]  # under which it holds as well
+    interference: str  # the load that asks for most: the value and the reserves are of its log
 
     @property
     def may_be_less(self) -> bool:
@@ -393,11 +391,9 @@ def _levels(
             reserve=sized.settings.reserve,
             processors=sized.settings.processors,
             host=host.name,
-            host_lp=host.logical_processors,
             measured_below=log.measured_below(sized.settings.reserve),
             expected=curve.estimate_at(sized.settings.reserve) or curve.value_at(sized.settings.reserve),
             interference=log.interference,
-            other_loads=tuple(each for each in system.loads_of(names_of(group.members)) if each != log.interference),
         )
     return tuple(levels.values())
 

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.files import write_file
@@ -112,11 +111,9 @@ class TerminalReporter:
         """Return itself: progress is shown from its first word on."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the last state of what was updated in place."""
-        self._progress.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        """Show the partitions that were not finished, and take the live line away."""
+        self._progress.close()
 
     @cached_property
     def steps(self) -> "RunReporter":

@@ -122,11 +122,6 @@ MOST_DIGITS = 10_000
 """A number of bytes is written with fewer than five digits where a unit allows it."""
 
 
-def show_period(microseconds: int | None) -> str:
-    """Return a period in milliseconds, `8.8 ms`; `none` where there is none."""
-    return f"{plain(Fraction(microseconds, 1000))} ms" if microseconds else "none"
-
-
 def show_milliseconds(value: Fraction | int) -> str:
     """Write a time as `88 ms` or `2 s`, in the largest of min, s, ms, us that keeps it short."""
     exact = Fraction(value)

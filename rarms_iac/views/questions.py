@@ -165,7 +165,6 @@ def combination_question(members: Members, settings: int, gain: int) -> Question
 
 def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -> "RenderableType":
     """Return the settings, a plot an index, and what all reservations add up to."""
-    from rarms_iac.views.console import paragraph, stack
     from rarms_iac.views.measure import settings_text
     from rarms_iac.views.reports.terminal import legend, terminal_plot
     from rarms_iac.views.status import fit_text

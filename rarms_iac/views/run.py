@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.undoing import UndoPreview
@@ -116,9 +115,7 @@ class RunProgress(RunReporter):
         """Show nothing before a run starts."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Show the partitions that were not finished."""
         self._end_host()
 
