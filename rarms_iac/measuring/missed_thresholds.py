@@ -9,7 +9,7 @@ from typing import Any, assert_never
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.applying.desired_hosts import totals_after
 from rarms_iac.measuring.evidence import MeasuredIndex
-from rarms_iac.measuring.findings import NO_MORE_CPU, NO_STEADY_STATE, NOT_RESOLVED, index_facts, show_index
+from rarms_iac.measuring.findings import MISSED, NO_MORE_CPU, NO_STEADY_STATE, NOT_RESOLVED, index_facts, show_index
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
@@ -26,8 +26,6 @@ from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_threshold
 from rarms_iac.texts.messages import counted, in_a_row
 from rarms_iac.texts.quantities import show_duration, show_processors
-
-MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
 
 HUNDREDTHS = 100
 """LPs are shown in hundredths, rounded up where they are asked for."""

@@ -15,7 +15,6 @@ from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, 
 from rarms_iac.measuring.duration import forecast_line
 from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED
-from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.missed_thresholds import proof_findings
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
@@ -447,7 +446,6 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
         names = [component.name for component in of_host[0].layout.components]
         evidence = [each for proof in of_host for each in proof.evidence]
         yield from work_of_evidence(names, evidence, places)
-        yield from messages_of_evidence(evidence, places)
 
 
 def _prove(

@@ -19,8 +19,7 @@ from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import failed_samples
-from rarms_iac.measuring.message_findings import messages_of_evidence
+from rarms_iac.measuring.findings import CANNOT_RUN, MISSED_UNRESERVED, failed_samples
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.commands import command, prose
@@ -45,10 +44,6 @@ from rarms_iac.statistics.verdicts import judge_each
 from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.quantities import show_duration
-
-CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
-
-MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
 
 _WHY_SAMPLES_FAIL = (
     "Check the standard error of the component, and compare `run.samples` with its output. The component must "
@@ -208,7 +203,6 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
                 names = [each.component.name for each in ran]
                 reserved = all(places[name] != ProcessPlace() for name in names)
                 findings += work_of_evidence(names, [ran[0].evidence], manifest.places, reserved=reserved)
-                findings += messages_of_evidence([ran[0].evidence], manifest.places)
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)
