@@ -14,7 +14,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
-from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
+from rarms_iac.planner.combining.oracle import WHOLE, Members, coi_as_measured
 from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.groups import may_share
 from rarms_iac.planner.layout import plan_layout
@@ -23,6 +23,7 @@ from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.planner.verdicts import NotMeasured
 from rarms_iac.statistics.curves import components_not_shown, highest_missed
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +120,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
 
 def recorded_answers(
     manifest: Manifest, host: Host, candidates: Candidates, states: Mapping[str, State]
-) -> tuple[Answer, ...]:
+) -> tuple[TrailSetting, ...]:
     """Return the answers of the valid data logs of compounds, by the rule of a plan.
 
     Args:
@@ -133,7 +134,7 @@ def recorded_answers(
     return tuple(answer for names in compounds for answer in _answers(manifest, host, names, states))
 
 
-def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
+def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[TrailSetting]:
     if not all(path.is_file() for path in logs_of(manifest, host, names)):
         return
     system, group = put_together(manifest.system, names)
@@ -145,4 +146,4 @@ def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str
         enough = log.least is not None and reserve >= log.least
         worse = () if enough else components_not_shown(curves_of(group, log), reserve)
         unresolved = bool(worse) and reserve > highest_missed(curves_of(group, log))
-        yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)
+        yield TrailSetting(components=names, reserve=reserve, worse=worse, unresolved=unresolved)

@@ -28,7 +28,6 @@ from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.reading import read_file
-from rarms_iac.texts.findings import Finding
 
 Answer = TypeVar("Answer")
 

@@ -44,7 +44,6 @@ from rarms_iac.model.setting import (
 )
 from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.samples import response_times
-from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.quantities import show_duration, show_processors
 

@@ -41,7 +41,6 @@ from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
-from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.quantities import show_duration
 

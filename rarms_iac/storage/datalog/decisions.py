@@ -154,13 +154,14 @@ class TunedPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrailSetting:
-    """A setting that was asked for."""
+    """A setting that was asked for, with its answer."""
 
     components: tuple[str, ...]
     reserve: int  # CR
     worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
     unresolved: bool = False  # it was not enough, and not shown to be too little
     predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
+    processors: Internal[int] = 1  # P1's VPs, which the CR is per cent of
 
     @output
     def met(self) -> bool:
