@@ -12,7 +12,7 @@ from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, 
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
-from rarms_iac.measuring.duration import forecast_line
+from rarms_iac.measuring.duration import forecast
 from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.missed_thresholds import proof_findings
@@ -300,8 +300,8 @@ def _announce(
         least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
         most = max(least, proof_budget_ms(session.hosts.system, len(conditions)))
     starts = f"at least {counted(STARTS * len(conditions), 'start')} of all components"
-    line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most)
-    session.control.reporter.message(f"{line}{clock}.")
+    message = f"Proof on {name}{simulated} {with_load}: {starts}, {forecast(least, most)}{clock}."
+    session.control.reporter.message(message)
     parts = {each.interference: each.load_partition for each in conditions}
     if short := [load for load, partition in parts.items() if load and partition and partition.lacks_part]:
         session.control.reporter.message(describe_missing_part(name, short))

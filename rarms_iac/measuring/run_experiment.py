@@ -19,7 +19,7 @@ from rarms_iac.measuring.availability import (
     with_load_parts,
     work_of_others,
 )
-from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import describe_settings, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.search.crossings import begun_before
@@ -205,7 +205,7 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
     if run.says_duration and run.count is not None:
         host = session.host_of(experiment)
         earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
-        line = forecast(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
+        line = describe_settings(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
         session.control.reporter.message(line)
     return Site(
         host=session.host_of(experiment),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
-from rarms_iac.measuring.duration import WallTimes, forecast, least_ms, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import WallTimes, describe_settings, least_ms, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.strategies import Method, Search, SettingCount, Sweep
 from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.host import ProviderKind
@@ -35,7 +35,7 @@ def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Exp
 def told(experiment: Experiment, *recorded: Setting, method: Method = SEARCH, seconds: Sequence[float] = ()) -> str:
     """What is said of the settings and their time, on a host that is not simulated."""
     real = replace(experiment, host=replace(experiment.host, provider=ProviderKind.LINUX))
-    line = forecast(real, settings_to_run(method, recorded, 100), recorded, seconds, 0.0)
+    line = describe_settings(real, settings_to_run(method, recorded, 100), recorded, seconds, 0.0)
     return line.partition("onboard: ")[2].removesuffix(".")
 
 
