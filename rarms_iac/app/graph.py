@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rarms_iac.app.data_logs import curves_of, logs_of, measured_reservations, put_together
+from rarms_iac.app.data_logs import logs_of, measured_reservations, put_together
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
@@ -21,7 +21,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
-from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.planner.verdicts import NotMeasured, with_curves
 from rarms_iac.statistics.curves import components_not_shown, highest_missed
 from rarms_iac.storage.datalog.decisions import TrailSetting
 
@@ -142,8 +142,9 @@ def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str
     log = reservations.log(group.members, host)
     if isinstance(log, NotMeasured):
         return
+    apts = with_curves(group.members, log.curves)
     for reserve in log.measured:
         enough = log.least is not None and reserve >= log.least
-        worse = () if enough else components_not_shown(curves_of(group, log), reserve)
-        unresolved = bool(worse) and reserve > highest_missed(curves_of(group, log))
+        worse = () if enough else components_not_shown(apts, reserve)
+        unresolved = bool(worse) and reserve > highest_missed(apts)
         yield TrailSetting(components=names, reserve=reserve, worse=worse, unresolved=unresolved)

@@ -9,7 +9,7 @@ from rarms_iac.model.experiment import together
 from rarms_iac.model.host import Host
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, ReservationSource, names_of
-from rarms_iac.planner.verdicts import MeasuredTogether
+from rarms_iac.planner.verdicts import MeasuredTogether, with_curves
 from rarms_iac.statistics.curves import highest_missed
 from rarms_iac.storage.datalog.decisions import TrailSetting
 
@@ -220,9 +220,4 @@ def coi_as_measured(
     log = reservations.log(group.members, host)
     if not isinstance(log, MeasuredTogether) or (log.processors, log.least) != (coi.processors, coi.reserve):
         return coi
-    apts = [
-        (log.curves(member.name, index), threshold)
-        for member in group.members
-        for index, threshold in member.apt.items()
-    ]
-    return replace(coi, missed=highest_missed(apts))
+    return replace(coi, missed=highest_missed(with_curves(group.members, log.curves)))
