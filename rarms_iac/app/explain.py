@@ -383,7 +383,7 @@ class _Case:
         there = replace(answer, host=host.name, sharing=seen.sharing(answer.name))
         neighbours = () if self.layout is None else self.layout.on(host.name)
         if self.bound or self.layout is None:
-            why = self.bound or "there is no layout to compare with"
+            why = self.bound or "no layout exists to compare with"
         elif not fits(seen.capacity, (*seen.claims, *(other.claim for other in (*neighbours, there)))):
             names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
             why = f"no room together with {in_a_row(names)}" if names else "no room"

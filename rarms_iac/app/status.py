@@ -332,7 +332,7 @@ def _next_command(
     if any(kind.is_of_the_host for kind in kinds):
         return NextCommand(command=DRIFT, reason="shows the changes")
     if not has_layout:
-        return NextCommand(command=PLAN, reason="shows why there is no layout, and changes that help")
+        return NextCommand(command=PLAN, reason="shows why no layout exists, and changes that help")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command=PLAN, reason="shows the changes that are not applied yet")
     partitions = [partition for host in hosts for partition in host.partitions]

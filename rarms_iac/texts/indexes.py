@@ -27,6 +27,11 @@ def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Thre
     return f"{show_number(value / float(size), *([float(threshold.value / size)] if threshold else []))} {unit}"
 
 
+def short_name(index: PerformanceIndex) -> str:
+    """Return the name for a narrow column: `p95` of `p95_response_time`, `throughput` of `throughput`."""
+    return index.name.removesuffix("_response_time")
+
+
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
     """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`."""
     match isfinite(lower), isfinite(upper):

@@ -17,7 +17,7 @@ from rarms_iac.model.setting import Setting
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.indexes import short_name, show_value
 from rarms_iac.texts.messages import STREAM_NAMES, counted, natural_order
 from rarms_iac.texts.quantities import show_number, show_processors
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
@@ -183,8 +183,8 @@ def unit_line(unit: FinishedUnit) -> str:
     if unit.values:
         each = max(unit.values, key=lambda value: share_of_threshold(value.value, value.threshold))
         index = index_named(each.index)
-        name, bound = index.name.removesuffix("_response_time"), show_bound(index, each.threshold)
-        value = f"{name} {show_value(index, each.value, each.threshold)} {bound}"
+        bound = show_bound(index, each.threshold)
+        value = f"{short_name(index)} {show_value(index, each.value, each.threshold)} {bound}"
     words = (unit.subject, unit.load, amount, value, unit.ending)
     return f"[{unit.number}/{unit.of}] {'  '.join(filter(None, words))}"
 
@@ -216,9 +216,10 @@ def samples_of(by_component: Mapping[str, Series]) -> str:
 
 
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
-    """Return the values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
+    """Return the values alone: `mean 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
-        f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
+        f"{index.component if several else short_name(index_named(index.index))} "
+        f"{show_value(index_named(index.index), index.estimate.value)}"
         for index in indexes
         if index.estimate is not None
     ]

@@ -224,7 +224,7 @@ def test_infeasible_manifest_is_planned_next() -> None:
 
     assert planned.code == 4
     assert "No layout: RARMS014 (Reservations exceed the platform)." in answer.out
-    assert "Next: `rarms plan` shows why there is no layout, and changes that help." in answer.out
+    assert "Next: `rarms plan` shows why no layout exists, and changes that help." in answer.out
     assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
 
 
