@@ -1,4 +1,4 @@
-"""The text of `docs/commands.md`: what every `--help` says, in one page.
+"""The text of `docs/commands.md`: the `--help` text of every command, in one page.
 
 `python -m scripts.commands_reference > docs/commands.md` writes it.
 """
@@ -15,36 +15,37 @@ HEAD = """# Commands
 
 <!-- Generated: python -m scripts.commands_reference > docs/commands.md. A test compares. -->
 
-What each `--help` says. Data goes to standard output, talk to standard error.
+This page shows the `--help` text of each command. Results go to standard output. Progress and findings go to standard
+error.
 
-| exit code | what it says |
+| exit code | meaning |
 |---|---|
-| 0 | what was asked is done, nothing was to do, or warnings only |
-| 1 | the tool or a host failed, or a host cannot be reached |
-| 2 | `plan --detailed-exitcode`: changes; `validate`, `doctor`: errors; `fmt --check`, `drift`: not as it should be |
-| 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
-| 4 | no result: errors in the manifest (any command but `validate`), or the reservations do not fit |
-| 5 | `drift`: only not applied yet |
+| 0 | done, nothing to do, or warnings only |
+| 1 | rarms or a host failed, or rarms cannot reach a host |
+| 2 | `plan --detailed-exitcode`: changes; `validate`, `doctor`: errors; `fmt --check`: not formatted; `drift`: drift |
+| 3 | refused: the host has changed, or another run holds it or is unfinished; or the plan is stale, edited or used |
+| 4 | errors in the manifest (except `validate`), reservations do not fit, or a threshold is not shown to be met |
+| 5 | `drift`: only changes that are not applied yet |
 | 64 | wrong usage, or a name that neither the manifest nor a host has |
-| 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
+| 130, 143 | interrupted by Ctrl-C or SIGTERM; run the same command again to continue |
 
-`apply` without PLAN, `destroy`, `stop`, `start`, `import` and `release` finish an unfinished run first, and then plan.
-`undo` finishes an unfinished undo. So a command that was killed can be run again, and its exit code is 0 when the work
-is done, whichever of the two runs did it.
+`apply` without PLAN, `destroy`, `stop`, `start`, `import` and `release` first finish an unfinished run, and then plan.
+`undo` finishes an unfinished undo. So you can run an interrupted command again. The exit code is 0 when all work is
+done.
 
-Without a terminal rarms does not ask. The exit code is then 64 before anything is done, and 3 if `measure` or `tune`
-finds partitions that run. Each question has its own option to consent:
+Without a terminal, rarms does not ask. Without the option for consent, the exit code is 64, and nothing is changed. If
+`measure` or `tune` finds running partitions, the exit code is 3. These options replace the questions:
 
 | question | commands | consent |
 |---|---|---|
-| whether it is done | what shows a plan: `apply`, `undo`, `stop`, `destroy` and others | `--auto-approve` |
-| whether partitions are stopped while it is measured | `measure`, `tune` | `--stop-partitions` |
-| whether all idle time of the hosts is used | `prove`, `apply --prove` | `--load-host` |
-| which level is good enough, and whether it is written | `measure --interactive` | `select COMPONENT --at LEVEL` |
-| whether more settings are measured for a level | `measure --interactive` | `measure --from A --to B` |
-| what is combined, and whether that is written | `measure --interactive`, `tune --interactive` | `tune` |
+| apply these changes? | all that show a plan: `apply`, `undo`, `stop`, `destroy` and others | `--auto-approve` |
+| stop the partitions during the measurement? | `measure`, `tune` | `--stop-partitions` |
+| use all idle time of the hosts? | `prove`, `apply --prove` | `--load-host` |
+| which level is acceptable, and write it? | `measure --interactive` | `select COMPONENT --at LEVEL` |
+| measure more settings for a level? | `measure --interactive` | `measure --from A --to B` |
+| which components to combine, and write it? | `measure --interactive`, `tune --interactive` | `tune` |
 
-`tune` without `--interactive` asks nothing: to combine, and to write the partitions, is what it is for; `--dry-run`
+`tune` without `--interactive` does not ask. It combines components and writes the partitions. With `--dry-run` it
 writes nothing.
 """
 

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.providers.interface import HostError
+from rarms_iac.texts.findings import Finding
 from tests import needs
 from tests.effort import LONG, examples
 

@@ -20,16 +20,17 @@ from rarms_iac.applying.run_steps import RunControl
 from rarms_iac.applying.undo import abandon
 from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.commands import PLAN, PLAN_OUT, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.plan_file import is_signed, is_signed_script
 from rarms_iac.storage.reading import STANDARD_INPUT
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.plans import reversal_title
 
 MANIFEST_CHANGED = Finding.note("RARMS371", "The manifest has changed since the plan was made")

@@ -13,24 +13,26 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import unreadable_advice
 from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, command, prose
-from rarms_iac.model.diagnostics import DIFFERENT, Diagnostic, Finding, Given
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorNumber, Used, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.quantities import ReservePercent, guaranteed
-from rarms_iac.model.setting import ATTACHED_CONFINEMENT, CONFINEMENT, GROUP_CONFINEMENT, SHORT, Setting, most_used
+from rarms_iac.model.setting import SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Component, PartitionRequest, System, Threshold, run_of
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.system import Component, PartitionRequest, System, run_of
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
-from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured
+from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured, with_curves
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed, least_reserve
 from rarms_iac.statistics.first_look import least_estimated
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import (
+    ATTACHED_CONFINEMENT,
+    CONFINEMENT,
+    GROUP_CONFINEMENT,
     Changed,
     LogSubject,
     ObservedPlatform,
@@ -41,6 +43,8 @@ from rarms_iac.storage.datalog.identity import (
 )
 from rarms_iac.storage.datalog.log import DataLog, LogFile, Recorded
 from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
+from rarms_iac.texts.findings import DIFFERENT, Finding, Given
+from rarms_iac.texts.messages import in_a_row
 
 LISTED = 4
 """Changes that one message names; more are counted."""
@@ -213,7 +217,9 @@ def measured_reservations(manifest: Manifest, states: Mapping[str, State]) -> Me
         logs_together = [log for log in found if isinstance(log, MeasuredTogether)]
         if len(logs_together) < len(found):
             return Fraction(0)
-        missed = (guaranteed(highest_missed(curves_of(group, log)), log.processors) for log in logs_together)
+        missed = (
+            guaranteed(highest_missed(with_curves(group.members, log.curves)), log.processors) for log in logs_together
+        )
         return max(missed, default=Fraction(0))
 
     return MeasuredReservations(kinds=kinds, logs=logs, missed_together=missed_together)
@@ -229,17 +235,6 @@ def put_together(system: System, names: Names) -> tuple[System, Group]:
     shared = PartitionRequest(name=names[0], components=names)
     together = replace(system, partitions={**others, names[0]: shared})
     return together, next(group for group in groups_of(together) if names_of(group.members) == names)
-
-
-def curves_of(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:
-    """Find what a log says of each threshold of a partition.
-
-    Yields:
-        The curve of a member's index, and its threshold.
-    """
-    for member in group.members:
-        for index, threshold in member.apt.items():
-            yield log.curves(member.name, index), threshold
 
 
 def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Present:
@@ -355,7 +350,8 @@ def _measured_together(
     assert found.log is not None, "else it is stale"
     log = found.log.of(number.number)
     curves = curves_in(log, {member.name: member for member in group.members})
-    used = _used_records(log, group, curves)
+    is_shown = least_reserve(with_curves(group.members, curves)) is not None
+    used = log.counting if is_shown else log.estimating  # the settings of the first pass count until then
     return MeasuredTogether(
         path=path,
         interference=subject.setup.interference,
@@ -374,13 +370,6 @@ def _measured_together(
         cpu_ms=_cpu_ms_in(log.settings or log.estimated),
         used=most_used(recorded.setting for recorded in found.log.recorded),
     )
-
-
-def _used_records(log: DataLog, group: Group, curves: Callable[[str, str], Curve]) -> tuple[Recorded, ...]:
-    """Return the records that the answer is of: those of the first pass, too, where the others show none."""
-    apts = [(member.name, index, threshold) for member in group.members for index, threshold in member.apt.items()]
-    least = least_reserve((curves(name, index), threshold) for name, index, threshold in apts)
-    return log.estimating if least is None else log.counting
 
 
 def _estimated(log: DataLog, group: Group) -> ReservePercent | None:

@@ -16,7 +16,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.commands import MEASURE, PLAN, prose
-from rarms_iac.model.diagnostics import OVER_HOST, UNUSABLE_RESERVE, Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Infeasible, LookedUp, PlacedPartition
 from rarms_iac.model.quantities import in_processors
@@ -39,6 +39,7 @@ from rarms_iac.planner.reservations import (
 )
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.texts.findings import OVER_HOST, UNUSABLE_RESERVE, Finding
 
 
 def states_at_hand(manifest: Manifest) -> Mapping[str, State]:
@@ -181,6 +182,7 @@ def _about_logs(
     groups: Iterable[Group], problem: Problem, source: ReservationSource, places: Places
 ) -> Iterator[Diagnostic]:
     """Report what there is to say of the data logs; one platform on which a log holds is enough."""
+    unmeasured: list[tuple[Host, Group]] = []
     for group in filter(depends_on_a_log, groups):
         if not problem.system.loads_of(names_of(group.members)):
             continue  # that is reported already
@@ -192,22 +194,34 @@ def _about_logs(
             continue
         for answer, host in answers[:1]:
             assert isinstance(answer, NotMeasured)
-            if answer.why.code != planning_findings.UNMEASURED.code:
+            if answer.why.code == planning_findings.UNMEASURED.code:
+                unmeasured.append((host, group))
+            else:
                 yield from _as_findings([answer.why], problem.system, places)
-                continue
-            names = to_be_measured(group.members)
-            place = places.value("components", names[0], "cpu", "reserve")
-            advice = prose(MEASURE, " finds the reservation.")
-            if host.provider is ProviderKind.SIMULATED and any(each.simulation is None for each in group.members):
-                advice = prose("Its host is simulated, so add `simulation: { work: 20 ms }`. Then ", advice)
-            yield NOT_YET_MEASURED.at(
-                place,
-                "Not measured on {platform} yet: {components:all}.",
-                advice,
-                address=answer.why.address,
-                components=names,
-                platform=host.platform,
-            )
+    yield from _not_yet_measured(unmeasured, places)
+
+
+def _not_yet_measured(unmeasured: Iterable[tuple[Host, Group]], places: Places) -> Iterator[Diagnostic]:
+    """Report components without a measurement: one finding for each platform, at its first host."""
+    kinds: dict[tuple[str, bool], list[tuple[Host, Group]]] = {}
+    for host, group in unmeasured:
+        without_demand = any(each.simulation is None for each in group.members)
+        needs_demand = host.provider is ProviderKind.SIMULATED and without_demand
+        kinds.setdefault((host.platform, needs_demand), []).append((host, group))
+    for (platform, needs_demand), alike in kinds.items():
+        name = alike[0][0].name
+        advice = prose(MEASURE, " finds the reservation.")
+        if needs_demand:
+            demand = "The host is simulated, so each component needs `simulation: { work: 20 ms }`. Then "
+            advice = prose(demand, advice)
+        yield NOT_YET_MEASURED.at(
+            places.key("hosts", name),
+            "Not measured on {platform} yet: {components}.",
+            advice,
+            address=f"host/{name}",
+            components=tuple(component for _, group in alike for component in to_be_measured(group.members)),
+            platform=platform,
+        )
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Diagnostic]:

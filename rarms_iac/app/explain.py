@@ -21,19 +21,10 @@ from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.quantities import (
-    LogicalProcessors,
-    guaranteed,
-    in_processors,
-    share_of_host,
-    show_bytes,
-    show_processors,
-    show_reserve,
-)
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed, in_processors
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import PartitionSettings, State
 from rarms_iac.model.system import Component, Disruption, Measured, System
-from rarms_iac.model.wording import counted, in_a_row, natural_order, quoted
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import by_name
@@ -42,8 +33,9 @@ from rarms_iac.planner.sizes import size, size_without_reserve
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured
 from rarms_iac.storage.shipped import known_codes
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.messages import in_a_row, natural_order, quoted, suggestion
 from rarms_iac.texts.plans import describe_placement
+from rarms_iac.texts.quantities import count_processors, share_of_host, show_bytes, show_processors, show_reserve
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
 
@@ -326,7 +318,7 @@ class _Case:
         settings = partition.settings
         is_measured = log is not None and not self.is_fixed
         source = PROCESSORS_FROM[log.processors_from] if log is not None and is_measured else ""
-        yield ExplainedValue("processors", counted(settings.processors, host.processor_word), source)
+        yield ExplainedValue("processors", count_processors(settings.processors, host), source)
         yield ExplainedValue("memory", show_bytes(settings.memory), "manifest")
         yield ExplainedValue("limit", show_reserve(settings.limit, settings.processors), partition.why_limit)
         yield ExplainedValue("weight", str(settings.weight), partition.why_weight)
@@ -391,7 +383,7 @@ class _Case:
         there = replace(answer, host=host.name, sharing=seen.sharing(answer.name))
         neighbours = () if self.layout is None else self.layout.on(host.name)
         if self.bound or self.layout is None:
-            why = self.bound or "there is no layout to compare with"
+            why = self.bound or "no layout exists to compare with"
         elif not fits(seen.capacity, (*seen.claims, *(other.claim for other in (*neighbours, there)))):
             names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
             why = f"no room together with {in_a_row(names)}" if names else "no room"

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.system import AtMost, Component, Threshold
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.verdicts import MeasuredTogether
+from rarms_iac.planner.verdicts import MeasuredTogether, with_curves
 from rarms_iac.statistics.curves import Curve, highest_missed, holds
 from rarms_iac.statistics.distributions import describe_extreme
 from rarms_iac.texts.indexes import show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import share_of_processors, show_processors
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def log_rows(
 
 def _falls_short(group: Group, log: MeasuredTogether, reserve: int) -> bool:
     """Return whether a curve has a value at the reserve that is not shown to meet its threshold."""
-    pairs = ((log.curves(member.name, index), apt) for member in group.members for index, apt in member.apt.items())
+    pairs = with_curves(group.members, log.curves)
     return any(curve.value_at(reserve) is not None and not holds(curve, apt, reserve) for curve, apt in pairs)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from rarms_iac.app.data_logs import curves_of, logs_of, measured_reservations, put_together
+from rarms_iac.app.data_logs import logs_of, measured_reservations, put_together
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.diagnostics import has_errors
@@ -14,15 +14,16 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
-from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
+from rarms_iac.planner.combining.oracle import WHOLE, Members, coi_as_measured
 from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.groups import may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
-from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.planner.verdicts import NotMeasured, with_curves
 from rarms_iac.statistics.curves import components_not_shown, highest_missed
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +120,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
 
 def recorded_answers(
     manifest: Manifest, host: Host, candidates: Candidates, states: Mapping[str, State]
-) -> tuple[Answer, ...]:
+) -> tuple[TrailSetting, ...]:
     """Return the answers of the valid data logs of compounds, by the rule of a plan.
 
     Args:
@@ -133,7 +134,7 @@ def recorded_answers(
     return tuple(answer for names in compounds for answer in _answers(manifest, host, names, states))
 
 
-def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
+def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[TrailSetting]:
     if not all(path.is_file() for path in logs_of(manifest, host, names)):
         return
     system, group = put_together(manifest.system, names)
@@ -141,8 +142,9 @@ def _answers(manifest: Manifest, host: Host, names: Members, states: Mapping[str
     log = reservations.log(group.members, host)
     if isinstance(log, NotMeasured):
         return
+    apts = with_curves(group.members, log.curves)
     for reserve in log.measured:
         enough = log.least is not None and reserve >= log.least
-        worse = () if enough else components_not_shown(curves_of(group, log), reserve)
-        unresolved = bool(worse) and reserve > highest_missed(curves_of(group, log))
-        yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)
+        worse = () if enough else components_not_shown(apts, reserve)
+        unresolved = bool(worse) and reserve > highest_missed(apts)
+        yield TrailSetting(components=names, reserve=reserve, worse=worse, unresolved=unresolved)

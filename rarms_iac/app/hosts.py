@@ -18,13 +18,13 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import natural_order
 from rarms_iac.providers.channel import CommandChannel, one_command_only
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost, RobotHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.providers.robot import EndedThere
 from rarms_iac.storage.snapshot_file import write_snapshot
 from rarms_iac.storage.writing import owner
+from rarms_iac.texts.messages import natural_order
 
 NO_CHANNELS: Mapping[str, CommandChannel] = MappingProxyType({})
 

@@ -23,7 +23,7 @@ from rarms_iac.app.install_wheels import PIP, RobotPython, Wheel, build_name, wh
 from rarms_iac.app.requests import flag, option
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import APPLY_ABANDON, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect, ProviderKind
 from rarms_iac.model.version import __version__
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, ProgramChannel, last_of, not_reached, ssh_channel
@@ -31,6 +31,7 @@ from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, Hos
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.shipped import shipped_module
+from rarms_iac.texts.findings import Finding
 
 T = TypeVar("T")
 

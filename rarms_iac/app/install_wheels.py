@@ -18,11 +18,11 @@ from pathlib import Path
 
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.version import __version__
 from rarms_iac.storage.reading import read_file
 from rarms_iac.storage.shipped import shipped_files, shipped_text
 from rarms_iac.storage.writing import hold, owner
+from rarms_iac.texts.findings import Finding
 
 LOCK = "locked-requirements.txt"
 MOST_WHEEL_BYTES = 256 * 2**20

@@ -17,11 +17,11 @@ from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.names import WINDOWS_DEVICES, is_name, nearest_name
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Component, System
-from rarms_iac.model.wording import quoted
 from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.storage.reading import MEBIBYTE, read_file
 from rarms_iac.storage.shipped import shipped_text
+from rarms_iac.texts.messages import quoted
 
 _WITHOUT_A_NAME = "my-application"
 

@@ -13,12 +13,13 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, Loaded, load_system, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES, read_yaml
-from rarms_iac.model.diagnostics import Diagnostic, Places, Severity, first_of_each_kind, has_errors, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Places, Severity, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.system import Component, System
 from rarms_iac.running.as_root import components_as_root, run_as_root
 from rarms_iac.running.secrets import short_secrets
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
+from rarms_iac.texts.findings import first_of_each_kind
 from rarms_iac.texts.messages import did_you_mean
 
 

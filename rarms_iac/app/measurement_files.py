@@ -13,12 +13,12 @@ from typing import Literal
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying.refusals import LOCKED
 from rarms_iac.model.commands import Prose, Wording, prose
-from rarms_iac.model.wording import quoted
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log, merge_records, new_records
 from rarms_iac.storage.disk import MEASUREMENTS, PRIVATE, make_folder_for
 from rarms_iac.storage.writing import Locked, hold, owner, remove_leftovers
+from rarms_iac.texts.messages import quoted
 
 LOCKS = "locks"
 CHOICES = "configuration"

@@ -15,7 +15,6 @@ from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.applying.make_plan import NotMadeAgain, make_again
 from rarms_iac.model.commands import PLAN_OUT
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.plan_file import (
     MAX_BYTES,
     PlanFileError,
@@ -26,7 +25,7 @@ from rarms_iac.storage.plan_file import (
     write_plan,
 )
 from rarms_iac.storage.reading import read_file
-from rarms_iac.texts.messages import reason_of
+from rarms_iac.texts.messages import quoted, reason_of
 
 VARIABLE, FILE_VARIABLE = "RARMS_PLAN_KEY", "RARMS_PLAN_KEY_FILE"
 LEAST_BYTES = 16

@@ -19,9 +19,9 @@ from rarms_iac.model.host import SimulatedHost
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.plan_file import signed
+from rarms_iac.texts.messages import in_a_row
 
 NO_LIMITS = PlanLimits()
 

@@ -18,17 +18,15 @@ from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.app.requests import HostSelection, refuse_unknown
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import NOT_DONE, Diagnostic, first_of_each_kind, has_errors, in_order
+from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.model.experiment import experiment_of
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.journal import RunKind, history_of
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.quantities import show_percent, show_reserve
 from rarms_iac.model.seen_host import seen_hosts
 from rarms_iac.model.setting import EnvironmentSetup
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.planning_findings import ON_NEIGHBOURS
@@ -39,7 +37,10 @@ from rarms_iac.storage.datalog.files import configuration_path, read_log
 from rarms_iac.storage.datalog.log import Header, LogFile
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
+from rarms_iac.texts.findings import NOT_DONE, first_of_each_kind
 from rarms_iac.texts.indexes import show_threshold
+from rarms_iac.texts.messages import in_a_row, natural_order
+from rarms_iac.texts.quantities import show_percent, show_reserve
 
 
 def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:

@@ -29,13 +29,12 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
     verdict_word,
 )
-from rarms_iac.model.quantities import per_virtual_processor, show_bytes, show_processors, show_reserve
+from rarms_iac.model.quantities import per_virtual_processor
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.model.totals import sum_of
-from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, fixed, names_of, to_be_measured
 from rarms_iac.planner.totals import PlannedTotals
@@ -45,6 +44,8 @@ from rarms_iac.statistics.overload import describe_overload
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.verdicts import judge_look
 from rarms_iac.storage.datalog.log import DataLog, Recorded
+from rarms_iac.texts.messages import counted, natural_order
+from rarms_iac.texts.quantities import show_bytes, show_processors, show_reserve
 
 NO_VERDICT = ReservationVerdict(thresholds=())
 """Of components that share no partition, or whose reserve the manifest fixes."""

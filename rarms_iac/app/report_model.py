@@ -85,7 +85,11 @@ class IndexCurve:
     @output
     def least(self) -> int | None:
         """What the APT alone asks for; None: no APT, or none that was measured meets it."""
-        return None if self.threshold is None else least_reserve([(self.curve, self.threshold)])
+        return None if self.threshold is None else self.least_for(self.threshold)
+
+    def least_for(self, threshold: Threshold) -> int | None:
+        """Return the least CR that meets a threshold; None: none that was measured does."""
+        return least_reserve([(self.curve, threshold)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,8 +14,7 @@ from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import natural_order, quoted
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.messages import natural_order, quoted, suggestion
 
 if TYPE_CHECKING:
     from rarms_iac.providers.interface import WaitLimits

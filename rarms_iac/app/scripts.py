@@ -18,13 +18,12 @@ from rarms_iac.model.journal import Journal, RunKind, ScriptRun
 from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.comparison import ScriptDifference, ScriptSteps, TextDifference, compare_steps, compare_texts
 from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import insides, render_observe, render_scripts, script_steps
 from rarms_iac.powershell.templates import MODULE_FOLDER, NEW_MODULE, ScriptForm, shipped_module, without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.messages import quoted, suggestion
 
 OBSERVE_NAME = "observe.ps1"
 RECEIVE_NAME = "receive.ps1"

@@ -20,11 +20,10 @@ from rarms_iac.model.indexes import PerformanceIndex, find_index, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.outcomes import WIDTH, Estimate
 from rarms_iac.model.output import output
-from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
+from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed
 from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import quoted
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.planning_findings import NOT_MET
@@ -34,7 +33,8 @@ from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.planner.verdicts import MeasuredTogether, NotMeasured, decide
 from rarms_iac.statistics.curves import Curve, Point, holds
 from rarms_iac.texts.indexes import show_value
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.messages import in_a_row, quoted, suggestion
+from rarms_iac.texts.quantities import plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +46,9 @@ class SelectedLevel:
     reserve: int  # whole per cent of each virtual processor
     processors: int  # virtual ones
     host: str  # the first of the platform
-    host_lp: int  # LPs that it has
     measured_below: int  # the next lower reserve that was measured; 0: none was
     expected: Estimate | Point | None  # the index there, and its band; None: not measured there
-    interference: str  # the load that asks for most: both are of its log
-    other_loads: tuple[str, ...]  # under which it holds as well
+    interference: str  # the load that asks for most: the value and the reserves are of its log
 
     @property
     def may_be_less(self) -> bool:
@@ -297,7 +295,8 @@ def _choice(component: Component, index: PerformanceIndex, at: str) -> _Choice:
     try:
         threshold = threshold_of(index, at)
     except NotAQuantity as problem:
-        raise RequestError(f"{index.name}: {problem}.") from None
+        units = in_a_row(problem.units, "or")
+        raise RequestError(f"{index.name}: {quoted(at)} is not a number with the unit {units}.") from None
     return _Choice(component=component, index=index, text=at, threshold=threshold)
 
 
@@ -392,11 +391,9 @@ def _levels(
             reserve=sized.settings.reserve,
             processors=sized.settings.processors,
             host=host.name,
-            host_lp=host.logical_processors,
             measured_below=log.measured_below(sized.settings.reserve),
             expected=curve.estimate_at(sized.settings.reserve) or curve.value_at(sized.settings.reserve),
             interference=log.interference,
-            other_loads=tuple(each for each in system.loads_of(names_of(group.members)) if each != log.interference),
         )
     return tuple(levels.values())
 

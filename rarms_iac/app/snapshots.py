@@ -11,9 +11,9 @@ from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_snapshot
+from rarms_iac.texts.messages import quoted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

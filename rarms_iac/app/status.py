@@ -23,9 +23,9 @@ from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Rights, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.interface import RobotHost, StepwiseHost
+from rarms_iac.texts.messages import in_a_row, natural_order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,7 +332,7 @@ def _next_command(
     if any(kind.is_of_the_host for kind in kinds):
         return NextCommand(command=DRIFT, reason="shows the changes")
     if not has_layout:
-        return NextCommand(command=PLAN, reason="shows why there is no layout, and changes that help")
+        return NextCommand(command=PLAN, reason="shows why no layout exists, and changes that help")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command=PLAN, reason="shows the changes that are not applied yet")
     partitions = [partition for host in hosts for partition in host.partitions]

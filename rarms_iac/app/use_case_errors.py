@@ -4,17 +4,9 @@ from collections.abc import Sequence
 from enum import Enum
 
 from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
-from rarms_iac.model.diagnostics import (
-    NOT_DONE,
-    NOT_READ,
-    NOTHING_CHANGED,
-    Diagnostic,
-    Finding,
-    Severity,
-    Sources,
-    first_of_each_kind,
-)
+from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
 from rarms_iac.storage.disk import advice_on
+from rarms_iac.texts.findings import NOT_DONE, NOT_READ, NOTHING_CHANGED, Finding, first_of_each_kind
 from rarms_iac.texts.messages import reason_of
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 from typing import assert_never
 
 from rarms_iac.applying.plan_request import PlanRequest
@@ -14,7 +15,7 @@ from rarms_iac.diff.step_context import NO_CLAIM, ManifestRules, StepContext, cl
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, Diagnostic, Place, Places, Related
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.names import renaming
@@ -24,13 +25,14 @@ from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.totals import Totals, totals_of
-from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
-from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.layout import gather_unmeasured, plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
 from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.planner.task_classes import ClassValues
+from rarms_iac.texts.findings import FOREIGN_AT_NAME
+from rarms_iac.texts.messages import natural_order
 
 
 def desired_hosts(
@@ -69,12 +71,11 @@ def desired_hosts(
     layout = planning.answer
     if not isinstance(layout, Layout):
         namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
-        return {}, (*namesakes, *(map(_advise_to_settle, planning.findings) if namesakes else planning.findings))
+        findings = gather_unmeasured(planning.findings)
+        return {}, (*namesakes, *(map(_advise_to_settle, findings) if namesakes else findings))
     hosts = {name: desired_state(system, layout, host, places, request.limit) for name, host in seen.items()}
-    findings = list(planning.findings)
-    for desired in hosts.values():
-        findings += [*desired.findings, *ignored_reserves(desired.state, places)]
-    return hosts, tuple(findings)
+    of_hosts = ((*desired.findings, *ignored_reserves(desired.state, places)) for desired in hosts.values())
+    return hosts, (*planning.findings, *chain.from_iterable(of_hosts))
 
 
 def _without_layout(request: PlanRequest, seen: SeenHost) -> Desired:

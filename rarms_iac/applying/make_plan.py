@@ -47,13 +47,13 @@ from rarms_iac.model.plan import (
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.planning_findings import PROVISIONAL
 from rarms_iac.planner.problem import LayoutRefused
 from rarms_iac.planner.reservations import RecordedReservations, provisional_on, record
 from rarms_iac.storage.plan_file import identified, versions
 from rarms_iac.storage.shipped import known_codes
+from rarms_iac.texts.messages import in_a_row, quoted
 
 _WHOLE_PLAN_CODES = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """Codes of the findings that a plan of the whole manifest can have."""

@@ -7,11 +7,12 @@ from rarms_iac.manifest.checks.measurement import TOO_FEW_SAMPLES
 from rarms_iac.manifest.load import Loaded
 from rarms_iac.model.changes import Change
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import ChosenLayout
 from rarms_iac.model.plan import PlanOrder, Purpose
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+from rarms_iac.texts.findings import NO_TARGET
 from rarms_iac.texts.messages import suggestion
 
 

@@ -7,13 +7,14 @@ from typing import Any
 
 from rarms_iac.applying.refusals import OTHERS_RUN
 from rarms_iac.model.changes import RESPONSIVENESS, Address
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.host import LinuxHost, SchedulerType
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import Application, System
-from rarms_iac.model.wording import natural_order, quoted
 from rarms_iac.planner.mechanism import IGNORED_RESERVES, asks_for_processors, ignores_reserves
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import natural_order, quoted
 
 NO_RIGHTS = Finding.error("RARMS158", "The right to manage the host is not proven")
 SCHEDULER = Finding.error(IGNORED_RESERVES, "The host's scheduler does not honour reserves")

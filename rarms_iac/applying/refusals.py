@@ -17,16 +17,17 @@ from rarms_iac.model.commands import (
     prose,
     sentences,
 )
-from rarms_iac.model.diagnostics import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED, Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.facets import Readings
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Step
 from rarms_iac.model.system import Application
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import HostDamaged, HostError, HostUnreachable
 from rarms_iac.providers.robot import OtherVersion
 from rarms_iac.storage.marks import ForeignValue
+from rarms_iac.texts.findings import DAMAGED, NOTHING_CHANGED, OTHER_VERSION, SCRIPT_REFUSED, Finding
+from rarms_iac.texts.messages import in_a_row, quoted
 
 HOST_FAILED = Finding.error("RARMS189", "The host cannot be reached, read or changed")
 

@@ -19,16 +19,16 @@ from rarms_iac.diff.step_context import StepContext
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.commands import PLAN, command, prose
-from rarms_iac.model.diagnostics import NO_TARGET, Diagnostic, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.plan import HostSteps, Purpose
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.starting import starting_partitions
 from rarms_iac.storage.marks import set_of_settings
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.findings import NO_TARGET
+from rarms_iac.texts.messages import natural_order, suggestion
 
 Locator = Callable[[Address], Place | None]
 _NOTHING_TO_IMPORT = prose("The host has no machine to import. ", PLAN, " shows the partition as new.")

@@ -12,7 +12,7 @@ from rarms_iac.applying.refusals import GO_ON, MOVED, STEP_FAILED, lock_held
 from rarms_iac.applying.run_report import HostReport, RunBegun, RunEnding, RunReport, TitledStep
 from rarms_iac.applying.run_steps import UNATTENDED_RUN, RunControl
 from rarms_iac.model.commands import APPLY, DRIFT, prose, sentences
-from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostSteps, Purpose, RunIdentity
 from rarms_iac.powershell.literals import unreadable
@@ -29,6 +29,7 @@ from rarms_iac.providers.interface import (
     ScriptLost,
     WaitLimits,
 )
+from rarms_iac.texts.findings import SCRIPT_REFUSED, Finding
 from rarms_iac.texts.messages import last_words
 
 UNKNOWN_ENDING = Finding.error("RARMS250", "The result of the run is unknown")

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import SCRIPT_REFUSED, Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import GuestTask, HostPlan, HostSteps, Plan, RunIdentity
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.powershell.literals import NoLiteral, unreadable
 from rarms_iac.powershell.render import insides, render_scripts, script_name
+from rarms_iac.texts.findings import SCRIPT_REFUSED, Finding
 
 BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 

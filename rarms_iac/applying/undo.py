@@ -26,7 +26,6 @@ from rarms_iac.model.journal import (
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.powershell.summary import FOREIGN, NOT_UNDONE
 from rarms_iac.providers.interface import (
     NO_WAITING,
@@ -38,6 +37,7 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from rarms_iac.storage.marks import ForeignValue, foreign_values
+from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.plans import reversal_title
 
 

@@ -23,9 +23,10 @@ from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.manifest.checks.names import NOT_USED
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import ROUNDED, Diagnostic, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
+from rarms_iac.texts.findings import ROUNDED
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.run import next_command, run_text

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.files import write_file
@@ -112,22 +111,19 @@ class TerminalReporter:
         """Return itself: progress is shown from its first word on."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the last state of what was updated in place."""
-        self._progress.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        """Show the partitions that were not finished, and take the live line away."""
+        self._progress.close()
 
     @cached_property
     def steps(self) -> "RunReporter":
-        """Steps of a run, a line a partition, updated in place; for programs a line a step, as data."""
+        """Steps of a run, a line a partition; for programs a line a step, as data."""
         from rarms_iac.views.run import RunProgress, StepLines
 
         terminal = self._terminal
         if self._steps_as_json:
             return StepLines(terminal.data_now)
-        live = terminal.live() if terminal.lively else None
-        return self._progress.enter_context(RunProgress(terminal.tell, time.monotonic, live))
+        return self._progress.enter_context(RunProgress(terminal.tell, time.monotonic, terminal.live_line()))
 
     @cached_property
     def settings(self) -> "MeasuringReporter":

@@ -11,11 +11,12 @@ from rarms_iac.diff.disruption import can_change_now, disruption_of_update, stop
 from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRules, StepContext, managed_machines
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.facets import LABELS
 from rarms_iac.model.state import Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import in_a_row, quoted
+from rarms_iac.texts.findings import FOREIGN_AT_NAME, MAY_NOT_CHANGE, Finding
+from rarms_iac.texts.messages import in_a_row, quoted
 from rarms_iac.texts.plans import setting_text
 
 

@@ -5,10 +5,11 @@ import re
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.diff.step_context import Difference, ManagedMachines, ManifestRules
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
-from rarms_iac.model.diagnostics import FOREIGN_AT_NAME, NO_RESPONSIVENESS, Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
-from rarms_iac.model.wording import quoted
+from rarms_iac.texts.findings import FOREIGN_AT_NAME, NO_RESPONSIVENESS, Finding
+from rarms_iac.texts.messages import quoted
 
 GUEST_FIRST = Finding.note("RARMS157", "The next plan replaces a task class of Windows in a new guest")
 

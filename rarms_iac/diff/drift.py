@@ -35,6 +35,17 @@ class DriftKind(StrEnum):
         return self in {DriftKind.HOST_CHANGED, DriftKind.BOTH, DriftKind.REMOVED}
 
 
+_MESSAGES = {
+    DriftKind.HOST_CHANGED: "it was changed on the host since rarms wrote it",
+    DriftKind.NOT_APPLIED: "the manifest changed after the last apply",
+    DriftKind.BOTH: "it was changed on the host, and the manifest changed after the last apply",
+    DriftKind.MISSING: "it is not on the host: not applied yet, or removed by another tool",
+    DriftKind.UNMANAGED: "the host has a machine of this name without the mark of rarms",
+    DriftKind.REMOVED: "another tool removed it or its mark of rarms",
+    DriftKind.UNUSED: "it is no longer in the manifest; it is stopped",
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceDrift:
     """A resource that is not as wanted, and why."""
@@ -117,25 +128,20 @@ def _partitions(
         elif kind is DriftKind.MISSING and name in others:
             yield _of_kind(address, DriftKind.UNMANAGED)
         elif kind is DriftKind.MISSING and last_run is not None:
-            yield _never_applied(address)
+            yield _of_kind(address, kind, "it is not on the host: not applied yet, or removed by rarms")
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
             message = "`rarms measure` stopped it and was interrupted; `rarms start` starts it"
             if there[name].settings.running:
                 message = (
                     "it is running, but it is marked as stopped by `rarms measure`; `rarms start` corrects the mark"
                 )
-            yield ResourceDrift(address=address, drift=kind, message=message)
+            yield _of_kind(address, kind, message)
         elif kind is not None:
             yield _of_kind(address, kind)
 
 
-def _of_kind(address: Address, kind: DriftKind) -> ResourceDrift:
-    return ResourceDrift(address=address, drift=kind, message=_describe(kind))
-
-
-def _never_applied(address: Address) -> ResourceDrift:
-    message = "it is not on the host: not applied yet, or removed by rarms"
-    return ResourceDrift(address=address, drift=DriftKind.MISSING, message=message)
+def _of_kind(address: Address, kind: DriftKind, message: str = "") -> ResourceDrift:
+    return ResourceDrift(address=address, drift=kind, message=message or _MESSAGES[kind])
 
 
 def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool) -> DriftKind | None:
@@ -203,24 +209,6 @@ def _kind_in_registry(
     )
 
 
-def _describe(kind: DriftKind) -> str:
-    match kind:
-        case DriftKind.HOST_CHANGED:
-            return "it was changed on the host since rarms wrote it"
-        case DriftKind.NOT_APPLIED:
-            return "the manifest changed after the last apply"
-        case DriftKind.BOTH:
-            return "it was changed on the host, and the manifest changed after the last apply"
-        case DriftKind.MISSING:
-            return "it is not on the host: not applied yet, or removed by another tool"
-        case DriftKind.UNMANAGED:
-            return "the host has a machine of this name without the mark of rarms"
-        case DriftKind.REMOVED:
-            return "another tool removed it or its mark of rarms"
-        case DriftKind.UNUSED:
-            return "it is no longer in the manifest; it is stopped"
-
-
 PARTITION_PREFIX = "partition/"
 """What the name of a partition's digest begins with."""
 
@@ -271,9 +259,8 @@ def without_unfinished(
         return tuple(drifts)
     changes = run.started.host_plan.changes if isinstance(run, Journal) else None
     names = None if changes is None else {change.address.in_short for change in changes}
-    message = "its run is unfinished"
     return tuple(
-        replace(drift, drift=DriftKind.NOT_APPLIED, message=message)
+        _of_kind(drift.address, DriftKind.NOT_APPLIED, "its run is unfinished")
         if drift.drift is not DriftKind.UNUSED and (names is None or drift.address.in_short in names)
         else drift
         for drift in drifts

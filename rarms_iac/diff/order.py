@@ -10,11 +10,12 @@ from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.claims import Claim, Load, load_of
-from rarms_iac.model.diagnostics import NO_ORDER, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Partition, RunState
 from rarms_iac.model.system import Disruption
+from rarms_iac.texts.findings import NO_ORDER
 from rarms_iac.texts.plans import describe_stop
 
 

@@ -7,7 +7,7 @@ from rarms_iac.model.capacity import fits
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Making
 from rarms_iac.model.names import renaming
@@ -16,6 +16,7 @@ from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.starting import Starting
 from rarms_iac.model.state import Disk, Partition, RunState, State, TaskClass
 from rarms_iac.model.system import Disruption
+from rarms_iac.texts.findings import Finding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

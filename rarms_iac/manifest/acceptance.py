@@ -5,9 +5,10 @@ from dataclasses import replace
 from datetime import date
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import UNKNOWN_NAME, Diagnostic, Finding, Places, first_of_each_kind, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Places, in_order
 from rarms_iac.model.system import Acceptance, Policy, System
 from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
+from rarms_iac.texts.findings import UNKNOWN_NAME, Finding, first_of_each_kind
 from rarms_iac.texts.messages import Suggestions
 
 NOT_IN_EFFECT = Finding.warning("RARMS096", "An acceptance has no effect")

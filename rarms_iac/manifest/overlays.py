@@ -21,7 +21,8 @@ from rarms_iac.manifest.text.tree import (
     place_of_node,
     plain,
 )
-from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.texts.findings import WRONG_VALUE, Finding
 from rarms_iac.texts.messages import Suggestions
 
 UNKNOWN_NAME = Finding.warning("RARMS400", "A name in an overlay is not in the manifest")

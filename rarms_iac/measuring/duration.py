@@ -1,7 +1,7 @@
 """How many settings measuring will take, and how long: from the settings that may be asked for and how each ends.
 
-Begin at `forecast`; `forecast_line` writes the line of a proof, too. Times are of the host's own clock: a simulated
-host does not make its user wait for them.
+`forecast` writes every duration to come: of a pass, an experiment, a proof, and what is left of them. Times are of the
+host's own clock: a simulated host does not make its user wait for them.
 `WallTimes` has what settings took on this machine; it is kept in memory alone.
 """
 
@@ -17,13 +17,13 @@ from rarms_iac.measuring.strategies import Method, SettingCount, Sweep, is_of_pa
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Component, run_of
-from rarms_iac.model.wording import counted
 from rarms_iac.statistics.distributions import FIRST_LOOK, samples_needed
 from rarms_iac.statistics.steady_state import MEMORY_FACTOR, least_setting_ms
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_duration
 
 _UNTIL_CLEAR = SettingCount(least=1, most=1, ends_early=True, goes_on=True)
 
@@ -83,7 +83,22 @@ def least_ms(experiment: Experiment, load: Interference, window_ms: float, earli
     )
 
 
-def forecast(
+def forecast(least_ms: float, most_ms: float) -> str:
+    """Return a duration to come, such as `2 min to about 9 min`.
+
+    Args:
+        least_ms: 0 if unknown.
+        most_ms: Infinite if unknown.
+    """
+    least, most = show_duration(least_ms), "" if most_ms == inf else f"about {show_duration(most_ms)}"
+    if not most:
+        return f"at least {least}" if least_ms else ""
+    if least_ms <= 0:
+        return f"at most {most}"
+    return most if most == f"about {least}" else f"{least} to {most}"
+
+
+def describe_settings(
     experiment: Experiment,
     count: SettingCount,
     earlier: Sequence[Setting],
@@ -110,18 +125,10 @@ def forecast(
     if count.least != count.most:
         settings = f"{count.least} to {settings}"
     later = len(experiment.loads) - 1 - experiment.loads.index(experiment.load)
+    then = f"; then {counted(later, 'more load')}" if later else ""
     subject = f"{experiment.name} with {experiment.setup.interference} on {experiment.host.name}"
-    line = forecast_line(f"{subject}{' (simulated)' if is_simulated else ''}", settings, least, most)
-    return f"{line}; then {counted(later, 'more load')}." if later else f"{line}."
-
-
-def forecast_line(subject: str, work: str, least_ms: float, most_ms: float) -> str:
-    """Return a line with the coming work and its duration, without a full stop."""
-    if most_ms == inf:
-        time_needed = f", at least {show_duration(least_ms)}" if least_ms else ""
-        return f"{subject}: {work}{time_needed}"
-    least, most = show_duration(least_ms), show_duration(most_ms)
-    return f"{subject}: {work}, {f'{least} to about {most}' if least_ms and least != most else f'about {most}'}"
+    simulated = " (simulated)" if is_simulated else ""
+    return f"{subject}{simulated}: {', '.join(filter(None, (settings, forecast(least, most))))}{then}."
 
 
 def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[Setting], window_ms: float) -> float:

@@ -20,8 +20,7 @@ from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Too
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
-from rarms_iac.model.setting import P1, SHORT, Setting, SettingEvidence
-from rarms_iac.model.speed import speed_change
+from rarms_iac.model.setting import P1, SHORT, MachineSpeed, Setting, SettingEvidence
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.first_look import point_estimate
 from rarms_iac.statistics.overload import estimate_of_setting
@@ -33,6 +32,9 @@ TRIES = 3
 
 STOLEN = 0.05
 """The part of all processors' time that the machine below may take: components are slower then, the safe side."""
+
+FREQUENCY_CHANGE = 0.1
+"""The part of the frequency by which a setting may end faster or slower than it began. Turbo steps move less."""
 
 
 def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | None) -> str:
@@ -50,7 +52,7 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
         return f"steal time was {100 * stolen:.1f} % of the processor time; at most {100 * STOLEN:.0f} % is allowed"
-    if change := speed_change(evidence.speeds, are_busy=load is not None):
+    if change := _speed_change(evidence.speeds, are_busy=load is not None):
         return change
     if load is None:
         return ""
@@ -58,6 +60,29 @@ def disturbance(evidence: SettingEvidence, processors: int, load: LoadShare | No
     beyond_reserve = max(0.0, p1 - float(load.others))
     if p2 + beyond_reserve < load.processors - SHORT * processors:
         return f"the load in P2 got {p2:.2f} LP of its reserved {float(load.processors):.2f} LP"
+    return ""
+
+
+def _speed_change(speeds: Sequence[MachineSpeed], *, are_busy: bool) -> str:
+    """Say what changed between the first and the last moment.
+
+    Args:
+        are_busy: Whether all processors had work at both moments: the frequency of idle ones moves by itself.
+
+    Returns:
+        Words with numbers; empty: nothing changed, or it is not known.
+    """
+    if len(speeds) < 2:
+        return ""
+    first, last = speeds[0], speeds[-1]
+    if first.governor != last.governor:
+        return f"the frequency governor changed from {first.governor or 'none'} to {last.governor or 'none'}"
+    if last.throttled > first.throttled:
+        return "heat slowed the processors"
+    if first.limit_mhz != last.limit_mhz:
+        return f"the highest frequency allowed changed from {first.limit_mhz} to {last.limit_mhz} MHz"
+    if are_busy and first.mhz and abs(last.mhz - first.mhz) > FREQUENCY_CHANGE * first.mhz:
+        return f"the processors' frequency changed from {first.mhz} to {last.mhz} MHz"
     return ""
 
 

@@ -1,7 +1,7 @@
-"""Findings on how an experiment ended, and the words that findings of measuring have in common.
+"""All findings of measuring, and the texts of those on the end of an experiment.
 
-Each has its page in docs/findings. `other_work.py` has the findings on work outside of its partition and on loads that
-left processors idle, `missed_thresholds.py` those of a proof.
+Each has its page in docs/findings. `other_work.py` has the texts on other work, idle loads and messages,
+`missed_thresholds.py` those of a proof, `run_component.py` those of `rarms run`.
 """
 
 from collections.abc import Iterable, Iterator
@@ -10,7 +10,7 @@ from typing import Any, assert_never
 
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import (
@@ -24,22 +24,17 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import (
-    ReservePercent,
-    guaranteed,
-    show_amount,
-    show_duration,
-    show_processors,
-    show_reserve,
-)
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.system import Measured
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import describe_overload, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import LONG
+from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_amount, show_duration, show_processors, show_reserve
 
 VPS_USED = Finding.note("RARMS380", "The component uses a different number of processors")
 FAILURES = Finding.error("RARMS113", "Too many samples failed")
@@ -52,6 +47,17 @@ NOT_APPLIED = Finding.error("RARMS119", "The layout is not on the host")
 STILL_STOPPED = Finding.error("RARMS269", "Partitions did not start again after a measurement")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a measured reservation")
 LESS_UNKNOWN = Finding.warning("RARMS267", "A smaller reservation may be enough; it had no steady state")
+MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
+CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
+MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
+OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
+WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")
+BUSY_HOST = Finding.note("RARMS392", "Other programs used more processor time than the component")
+WORK_OUTSIDE = Finding.warning("RARMS393", "A component's work runs outside its partition")
+MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes for lack of memory")
+THREADS = Finding.warning("RARMS395", "Threads do not have the priority of their task class")
+OTHER_CLOCK = Finding.warning("RARMS430", "Message stamps are from another clock")
+SIMULATED_TIME = Finding.warning("RARMS431", "The robot runs on simulated time")
 
 NO_MORE_CPU = "More CPU time does not help: the jobs wait for something else. Increase the period, or shorten the wait."
 """The advice to a component that falls behind on all processors."""

@@ -20,7 +20,6 @@ from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, shortf
 from rarms_iac.measuring.findings import UNABLE
 from rarms_iac.measuring.other_work import weak_answer
 from rarms_iac.measuring.strategies import PAPER, USUAL_STEP, Method, Search, Sweep
-from rarms_iac.model.diagnostics import MISSING
 from rarms_iac.model.experiment import Experiment, ProcessorSource, experiments_of
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
@@ -40,9 +39,10 @@ from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import HeardMessages, SkippedLines
 from rarms_iac.model.setting import Setting, join_heard, join_skipped
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.distributions import ERROR
+from rarms_iac.texts.findings import MISSING
+from rarms_iac.texts.messages import in_a_row
 
 USUAL_SEED = 1
 """What chance is drawn from on a simulated host, unless a user says."""

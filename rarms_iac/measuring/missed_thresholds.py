@@ -9,23 +9,23 @@ from typing import Any, assert_never
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.applying.desired_hosts import totals_after
 from rarms_iac.measuring.evidence import MeasuredIndex
-from rarms_iac.measuring.findings import NO_MORE_CPU, NO_STEADY_STATE, NOT_RESOLVED, index_facts, show_index
+from rarms_iac.measuring.findings import MISSED, NO_MORE_CPU, NO_STEADY_STATE, NOT_RESOLVED, index_facts, show_index
 from rarms_iac.measuring.proof import IndexVerdict, LayoutProof
 from rarms_iac.model.commands import Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
-from rarms_iac.model.quantities import Unit, show_duration, show_processors
+from rarms_iac.model.quantities import Unit
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.state import State
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.totals import host_totals
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import threshold_met_by
+from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_threshold
-
-MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_duration, show_processors
 
 HUNDREDTHS = 100
 """LPs are shown in hundredths, rounded up where they are asked for."""

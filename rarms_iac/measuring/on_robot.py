@@ -16,9 +16,9 @@ from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.manifest_files import text_of
 from rarms_iac.app.measurement_files import add_measurements
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring.findings import UNABLE
+from rarms_iac.measuring.findings import OTHER_FILE, UNABLE
 from rarms_iac.measuring.measure_request import ExperimentResult
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Connect
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import HostFailed, RobotListener
@@ -28,8 +28,6 @@ from rarms_iac.storage.datalog.merging import MOST_BYTES, is_log
 from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.reading import read_file
-
-OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
 
 Answer = TypeVar("Answer")
 

@@ -1,4 +1,4 @@
-"""Findings on who had the processor time: work outside of its partition, loads that left processors idle, kills.
+"""Texts on who had the processor time, and on the clocks of messages: what a host counted apart from samples.
 
 `work_of_settings` looks through the settings of an experiment, `weak_answer` reports loads that leave processors idle.
 """
@@ -13,15 +13,23 @@ from typing import Any
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.manifest.checks.measurement import advice_on_weak_loads
 from rarms_iac.measuring.evidence import idle_share
-from rarms_iac.measuring.findings import MORE_MEMORY, why_out_of_memory
-from rarms_iac.measuring.message_findings import messages_of_evidence
+from rarms_iac.measuring.findings import (
+    BUSY_HOST,
+    MEMORY_KILLS,
+    MORE_MEMORY,
+    OTHER_CLOCK,
+    SIMULATED_TIME,
+    THREADS,
+    WEAK_ANSWER,
+    WORK_OUTSIDE,
+    why_out_of_memory,
+)
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import show_duration, show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import (
     ALL_PARTITIONS,
@@ -32,17 +40,12 @@ from rarms_iac.model.setting import (
     Setting,
     SettingEvidence,
     ThreadsSeen,
+    join_heard,
 )
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.work_places import add_up
 from rarms_iac.statistics.samples import response_times
-
-WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")
-MEMORY_KILLS = Finding.warning("RARMS394", "The kernel killed processes for lack of memory")
-WORK_OUTSIDE = Finding.warning("RARMS393", "A component's work runs outside its partition")
-BUSY_HOST = Finding.note("RARMS392", "Other programs used more processor time than the component")
-
-THREADS = Finding.warning("RARMS395", "Threads do not have the priority of their task class")
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_duration, show_processors
 
 LEAST_USE = 1e-3
 """Processor time for each unit of response time: a component that uses less mostly waits."""
@@ -53,11 +56,16 @@ _ID = re.compile(r"[0-9a-f]{16,}")
 SAME_TIMES = 0.1
 """Mean response times that differ by at most this part do not change with CR."""
 
+MOST_AHEAD_MS = 5.0
+"""No message comes before its stamp; adjusting a clock moves it by less."""
+MOST_BEHIND_MS = 10_000.0
+"""So old are no data that a robot still acts on."""
+
 
 def work_of_evidence(
     names: Sequence[str], evidence: Sequence[SettingEvidence], places: Places, *, reserved: bool = True
 ) -> Iterator[Diagnostic]:
-    """Find work outside of the components' groups, and processes killed for memory.
+    """Find work outside of the components' groups, processes killed for memory, and messages of other clocks.
 
     Args:
         evidence: Counts of the host, of each setting or start; entries of one process and group are added up.
@@ -100,6 +108,7 @@ def work_of_evidence(
     threads = {name: seen for each in evidence for name, seen in each.threads.items()}
     for component, seen in sorted(threads.items()):
         yield _threads_without_priority(component, seen, places)
+    yield from _messages_of_other_clocks(evidence, places)
 
 
 def _facts_of_work(names: Sequence[str], found: Sequence[OutsideWork]) -> dict[str, Any]:
@@ -132,6 +141,34 @@ def _threads_without_priority(component: str, seen: ThreadsSeen, places: Places)
     )
 
 
+def _messages_of_other_clocks(evidence: Sequence[SettingEvidence], places: Places) -> Iterator[Diagnostic]:
+    for component, heard in sorted(join_heard(evidence).items()):
+        place = places.key("components", component, "run", "samples")
+        if heard.simulated_time:
+            yield SIMULATED_TIME.at(
+                place,
+                "{component}: use_sim_time is set, but rarms measures response times with the clock of this machine.",
+                "Play bags at their recorded rate. Set use_sim_time to false to measure with the robot's sensors.",
+                address=f"component/{component}",
+                component=component,
+            )
+        elif heard.inputs and not -MOST_BEHIND_MS <= heard.ahead_ms <= MOST_AHEAD_MS:
+            yield OTHER_CLOCK.at(
+                place,
+                (
+                    "{component}: the stamps of {input} are {_away} {_side} the clock of this machine. rarms "
+                    "therefore counts response times from the arrival of {input} here."
+                ),
+                "If another machine publishes {input}, synchronize the clocks. A bag file has old stamps.",
+                address=f"component/{component}",
+                component=component,
+                input=heard.input,
+                ahead_ms=heard.ahead_ms,
+                _away=show_duration(abs(heard.ahead_ms)),
+                _side="ahead of" if heard.ahead_ms > 0 else "behind",
+            )
+
+
 def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places: Places) -> Iterator[Diagnostic]:
     """Find work outside of P1, components that wait, kills for memory and stamps of other clocks.
 
@@ -140,7 +177,6 @@ def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places
     """
     evidence = [setting.evidence for setting in settings if setting.evidence is not None]
     yield from work_of_evidence(experiment.setup.members, evidence, places)
-    yield from messages_of_evidence(evidence, places)
     by_reserve: dict[str, dict[int, list[Series]]] = {}
     for setting in settings:
         if setting.evidence is not None:

@@ -12,10 +12,9 @@ from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, 
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
-from rarms_iac.measuring.duration import forecast_line
+from rarms_iac.measuring.duration import forecast
 from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED
-from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.missed_thresholds import proof_findings
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
@@ -46,14 +45,14 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.outcomes import TooManyFailures, verdict_word
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import show_duration
 
 LEAST_PROOF = 1_200_000.0
 """The time of the host, in ms, that a proof has at least where the manifest does not say it."""
@@ -301,8 +300,8 @@ def _announce(
         least = sum(least_duration_ms(layout, window_ms, each.budget_ms) for each in conditions)
         most = max(least, proof_budget_ms(session.hosts.system, len(conditions)))
     starts = f"at least {counted(STARTS * len(conditions), 'start')} of all components"
-    line = forecast_line(f"Proof on {name}{simulated} {with_load}", starts, least, most)
-    session.control.reporter.message(f"{line}{clock}.")
+    message = f"Proof on {name}{simulated} {with_load}: {starts}, {forecast(least, most)}{clock}."
+    session.control.reporter.message(message)
     parts = {each.interference: each.load_partition for each in conditions}
     if short := [load for load, partition in parts.items() if load and partition and partition.lacks_part]:
         session.control.reporter.message(describe_missing_part(name, short))
@@ -447,7 +446,6 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
         names = [component.name for component in of_host[0].layout.components]
         evidence = [each for proof in of_host for each in proof.evidence]
         yield from work_of_evidence(names, evidence, places)
-        yield from messages_of_evidence(evidence, places)
 
 
 def _prove(

@@ -19,20 +19,18 @@ from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import failed_samples
-from rarms_iac.measuring.message_findings import messages_of_evidence
+from rarms_iac.measuring.findings import CANNOT_RUN, MISSED_UNRESERVED, failed_samples
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, TooManyFailures, Verdict
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import Milliseconds, show_duration
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import AttachedContainer, AttachedService, Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import HeardMessages, Sample, Series, SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Component, System, Threshold, run_of
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
@@ -43,10 +41,8 @@ from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
-
-CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
-
-MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_duration
 
 _WHY_SAMPLES_FAIL = (
     "Check the standard error of the component, and compare `run.samples` with its output. The component must "
@@ -206,7 +202,6 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
                 names = [each.component.name for each in ran]
                 reserved = all(places[name] != ProcessPlace() for name in names)
                 findings += work_of_evidence(names, [ran[0].evidence], manifest.places, reserved=reserved)
-                findings += messages_of_evidence([ran[0].evidence], manifest.places)
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)

@@ -19,7 +19,7 @@ from rarms_iac.measuring.availability import (
     with_load_parts,
     work_of_others,
 )
-from rarms_iac.measuring.duration import forecast, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import describe_settings, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.search.crossings import begun_before
@@ -38,15 +38,16 @@ from rarms_iac.measuring.strategies import (
     strategy_of,
 )
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import DIFFERENT, MISSING, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
-from rarms_iac.model.outcomes import Conclusion, Condition, Measure, Stopped, Sufficient
+from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped, Sufficient
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
 from rarms_iac.model.state import Partition
-from rarms_iac.model.wording import counted
 from rarms_iac.planner.planning_findings import STALE
 from rarms_iac.statistics.curves import curves_of, least_reserve
+from rarms_iac.texts.findings import DIFFERENT, MISSING
+from rarms_iac.texts.messages import counted
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -127,18 +128,6 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
     again = None if remeasurement is None else remeasurement.seed
     seed = again or session.seed or max((each.seed for each in known.runs), default=0) or USUAL_SEED
 
-    def ended(conclusion: Conclusion) -> ExperimentResult:
-        return ExperimentResult(
-            experiment=experiment,
-            conclusion=conclusion,
-            settings=known.settings,
-            new=new,
-            planned=_planned(run, conclusion, known.settings),
-            conditions=_conditions(experiment, conclusion, known.settings),
-            is_provisional=_is_provisional(run, conclusion, known.settings),
-            log=run.log.path.as_posix(),
-        )
-
     reporter.experiment_started(experiment, known.settings)
     with ExitStack() as ends:
         ends.callback(reporter.experiment_ended)
@@ -146,23 +135,20 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
         while True:
             seen = known.seen_with(again)
             decision = run.strategy.decide(seen)
-            if not isinstance(decision, Measure):
-                if again is None:
-                    return ended(decision)
+            if again is not None and not isinstance(decision, Measure):
                 again = None  # all is measured again: now it decides by all that counts
                 continue
-            if run.count is not None and new >= run.count.most:
-                return ended(conclude(known.settings, goal_of(experiment), run.count.most))
-            if session.control.stop.should_stop():
-                return ended(Stopped())
+            step = _next_step(run, decision, known.settings, new)
+            if not isinstance(step, Measure):
+                return _result(run, step, known.settings, new)
             if site is None:
                 site = _prepared(run, seed)
                 ends.enter_context(site.partitions())
             began, remaining = times.clock(), times.remaining(experiment, run.count, new, running=1)
-            reporter.setting_started(experiment, decision.reserve, remaining)
-            setting = run_setting(site, decision, known, begun_before(decision.reserve, seen))
+            reporter.setting_started(experiment, step.reserve, remaining)
+            setting = run_setting(site, step, known, begun_before(step.reserve, seen))
             if not isinstance(setting, Setting):
-                return ended(setting)
+                return _result(run, setting, known.settings, new)
             times.add(experiment, times.clock() - began)
             run.log.add(setting, tuple(each.shown_name for each in run.available.running))
             known, new = known.with_run(setting), new + 1
@@ -172,24 +158,32 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 return ProcessorNumber(number=number, source=ProcessorSource.USED)
 
 
-def _is_provisional(run: ExperimentRun, conclusion: Conclusion, settings: Sequence[Setting]) -> bool:
-    """Tell whether an end is one of estimates alone."""
-    if not isinstance(run.method, FirstPass):
-        return False
-    return not isinstance(conclusion, Sufficient) or least_shown(run.experiment, settings) is None
+def _next_step(
+    run: ExperimentRun, decision: ExperimentDecision, settings: tuple[Setting, ...], new: int
+) -> ExperimentDecision:
+    """Return the decision of the strategy, or the end if there were enough settings or the user asked for an end."""
+    if not isinstance(decision, Measure):
+        return decision
+    if run.count is not None and new >= run.count.most:
+        return conclude(settings, goal_of(run.experiment), run.count.most)
+    return Stopped() if run.session.control.stop.should_stop() else decision
 
 
-def _planned(run: ExperimentRun, conclusion: Conclusion, settings: Sequence[Setting]) -> ReservePercent | None:
-    if isinstance(run.method, FirstPass) and isinstance(conclusion, Sufficient):
-        return conclusion.reserve
-    return least_shown(run.experiment, settings)
-
-
-def _conditions(experiment: Experiment, conclusion: Conclusion, settings: Sequence[Setting]) -> tuple[Condition, ...]:
-    """Return the conditions on which the thresholds are met at the answer; none without an answer."""
-    if not isinstance(conclusion, Sufficient):
-        return ()
-    return conditions_at(settings, goal_of(experiment), conclusion.reserve)
+def _result(run: ExperimentRun, conclusion: Conclusion, settings: tuple[Setting, ...], new: int) -> ExperimentResult:
+    """Return the end of an experiment; that of a first pass is provisional if verdicts do not show a reservation."""
+    experiment, is_first_pass = run.experiment, isinstance(run.method, FirstPass)
+    least = least_shown(experiment, settings)
+    answer = conclusion.reserve if isinstance(conclusion, Sufficient) else None
+    return ExperimentResult(
+        experiment=experiment,
+        conclusion=conclusion,
+        settings=settings,
+        new=new,
+        planned=answer if is_first_pass and answer is not None else least,
+        conditions=() if answer is None else conditions_at(settings, goal_of(experiment), answer),
+        is_provisional=is_first_pass and (answer is None or least is None),
+        log=run.log.path.as_posix(),
+    )
 
 
 def least_shown(experiment: Experiment, settings: Sequence[Setting]) -> ReservePercent | None:
@@ -204,7 +198,7 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
     if run.says_duration and run.count is not None:
         host = session.host_of(experiment)
         earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
-        line = forecast(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
+        line = describe_settings(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
         session.control.reporter.message(line)
     return Site(
         host=session.host_of(experiment),

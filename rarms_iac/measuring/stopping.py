@@ -35,9 +35,9 @@ from rarms_iac.model.plan import HostSteps, Purpose, RunIdentity, Scope
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.providers.measuring import MeasuringHost, ScriptedMeasuringHost, StepwiseMeasuringHost
 from rarms_iac.storage.plan_file import run_id, signed_scripts
+from rarms_iac.texts.messages import in_a_row, natural_order
 
 
 def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:

@@ -27,9 +27,7 @@ from rarms_iac.measuring.tuning import (
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
-from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
@@ -39,7 +37,9 @@ from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_lev
 from rarms_iac.planner.packing.values import least_cost
 from rarms_iac.planner.problem import solve
 from rarms_iac.storage.codec import NotDecodable
-from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
+from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun, TuningStrategy
+from rarms_iac.texts.messages import in_a_row, list_names
+from rarms_iac.texts.quantities import show_lp_percent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -387,21 +387,9 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
         after=end.after,
         proved=end.proved,
         contradictions=tuple(contradiction.message for contradiction in end.contradictions),
-        doubts=tuple(
-            UnprovedNeed(components=doubt.members, shown=doubt.shown, unresolved=doubt.unresolved)
-            for doubt in end.doubts
-        ),
+        doubts=end.doubts,
         partitions=tuple(_tuned_partition(end, coi) for coi in end.cois),
-        trail=tuple(
-            TrailSetting(
-                components=answer.members,
-                reserve=answer.reserve,
-                worse=answer.worse,
-                unresolved=answer.unresolved,
-                predicted=answer.predicted,
-            )
-            for answer in end.trail
-        ),
+        trail=end.trail,
         written=written,
     )
 

@@ -24,16 +24,13 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.quantities import ReservePercent
-from rarms_iac.model.setting import Setting
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
-    Answer,
     Coi,
     Members,
     PlannerReporter,
@@ -43,7 +40,7 @@ from rarms_iac.planner.combining.oracle import (
     total,
 )
 from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
-from rarms_iac.planner.combining.questions import Best, Doubt, search, tuning_of
+from rarms_iac.planner.combining.questions import Best, search, tuning_of
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
@@ -52,7 +49,8 @@ from rarms_iac.planner.prediction import Predict, alone_in, predictor_of, unpred
 from rarms_iac.planner.problem import Problem, problem_of, solve, system_around
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
-from rarms_iac.storage.datalog.decisions import TuningEnding, TuningStrategy
+from rarms_iac.storage.datalog.decisions import TrailSetting, TuningEnding, TuningStrategy, UnprovedNeed
+from rarms_iac.texts.messages import counted
 
 
 class TuningStopped(Unanswered):
@@ -383,24 +381,12 @@ class Experiments:
                 )
             case _:
                 pass
-        worse = worse_on_the_curve(experiment, result.settings, reserve)
+        curves = curves_of(result.settings, experiment.runs, experiment.apts)
+        worse = frozenset(components_not_shown(curves, reserve))
         # What was shown to be missed at a higher CR is shown here, too.
-        if worse and reserve > highest_missed(curves_of(result.settings, experiment.runs, experiment.apts)):
+        if worse and reserve > highest_missed(curves):
             self._unresolved.add((members, reserve))
         return worse
-
-
-def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: ReservePercent) -> frozenset[str]:
-    """Return the members that do not meet all their thresholds at a setting for sure, by the rule that a plan takes.
-
-    Args:
-        experiment: The members with their thresholds.
-        settings: What was measured of them together.
-
-    Returns:
-        Names; none: all meet theirs.
-    """
-    return frozenset(components_not_shown(curves_of(settings, experiment.runs, experiment.apts), reserve))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -410,10 +396,10 @@ class TuningConclusion:
     subject: TuningSubject
     ending: TuningEnding
     cois: tuple[Coi, ...]  # most critical first
-    trail: tuple[Answer, ...] = ()
+    trail: tuple[TrailSetting, ...] = ()
     proved: bool = False
     contradictions: tuple[Contradiction, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
+    doubts: tuple[UnprovedNeed, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
     lacks_memory: bool = False  # that is the reason
     findings: tuple[Diagnostic, ...] = ()  # of its settings, and of `starting_again`
@@ -459,7 +445,7 @@ def search_combinations(
         UseCaseError: A data log cannot be read; or, of an oracle that measures, a setting could not be run.
         HostError: Of such an oracle: the host did not do what was asked.
     """
-    trail: list[Answer] = []
+    trail: list[TrailSetting] = []
     recorded = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, subject, trail))
     start = TuningConclusion(subject=subject, ending="stopped", cois=ordered(subject.cois))
     try:
@@ -475,14 +461,14 @@ def search_combinations(
 class _TrailReporter:
     """A reporter that collects the answers, also when an end is asked for, and passes all on to another."""
 
-    def __init__(self, reporter: PlannerReporter, subject: TuningSubject, trail: list[Answer]) -> None:
+    def __init__(self, reporter: PlannerReporter, subject: TuningSubject, trail: list[TrailSetting]) -> None:
         self._reporter = reporter
         self._subject = subject
         self._trail = trail
 
-    def setting_answered(self, answer: Answer) -> None:
+    def setting_answered(self, answer: TrailSetting) -> None:
         """Collect it, and pass it on with the virtual processors that it is per cent of."""
-        parts = [coi for coi in self._subject.cois if set(coi.members) <= set(answer.members)]
+        parts = [coi for coi in self._subject.cois if set(coi.members) <= set(answer.components)]
         self._trail.append(replace(answer, processors=processors_of(parts)))
         self._reporter.setting_answered(self._trail[-1])
 

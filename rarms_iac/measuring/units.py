@@ -5,15 +5,16 @@ from dataclasses import dataclass, field
 from math import isinf
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, UnitEnding, UnitValue, WorkBegun
+from rarms_iac.measuring.duration import forecast
 from rarms_iac.measuring.evidence import measured_indexes
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient, Swept
-from rarms_iac.model.quantities import guaranteed, show_duration
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.statistics.first_look import point_estimate
+from rarms_iac.texts.messages import counted, in_a_row
 
 
 @dataclass(slots=True, kw_only=True)
@@ -99,9 +100,7 @@ def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str
     loads = counted(max(len(group) for group in groups), "load")
     usual_ms = sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
     most_ms = sum(MOST * len(group) * group[0].budget.most_ms for group in groups)
-    begins = f"Measuring {components} x {loads} on {names}"
-    usual = show_duration(usual_ms)
-    return f"{begins}: about {usual}." if quick else f"{begins}: {usual} to {show_duration(usual_ms + most_ms)}."
+    return f"Measuring {components} x {loads} on {names}: {forecast(usual_ms, usual_ms + (0 if quick else most_ms))}."
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:

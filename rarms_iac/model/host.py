@@ -293,11 +293,6 @@ class Host:
             case ProviderKind.LINUX:
                 return self.linux
 
-    @property
-    def processor_word(self) -> str:
-        """What a processor of a partition is called there: a control group has no virtual ones."""
-        return "processor" if self.provider is ProviderKind.LINUX else "virtual processor"
-
 
 def host_identity(machine_id: str) -> str:
     """Return the identity of a machine for marks, plans, journals and proofs: `HostFacts.id`.

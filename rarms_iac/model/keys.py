@@ -40,10 +40,10 @@ class Quantity:
 class Shape(Enum):
     """A restriction of a value beyond its type."""
 
-    FILLED = "has at least one character or entry"
-    ONE_OR_SEVERAL = "is one item, or a list with at least one"
-    THRESHOLDS = "is a map from performance index to `at_most` or `at_least`"
-    OWN_NAME = "is the key of the entry"
+    FILLED = "filled"  # at least one character or entry
+    ONE_OR_SEVERAL = "one_or_several"  # one item, or a list with at least one
+    THRESHOLDS = "thresholds"  # a map from performance index to `at_most` or `at_least`
+    OWN_NAME = "own_name"  # the key of the entry
 
 
 _PYTHON = "[A-Za-z_][A-Za-z0-9_]*"

@@ -176,7 +176,6 @@ class TimeField(Field):
 
 
 OutputStream = Literal["stdout", "stderr"]
-STREAM_NAMES: Mapping[OutputStream, str] = {"stdout": "standard output", "stderr": "standard error"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import HeardMessages, Series, SkippedLines, join_series
-from rarms_iac.model.speed import MachineSpeed
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
@@ -25,16 +24,6 @@ TEST_PARTITIONS = (P1, *LOAD_PARTITIONS)
 
 P2_WEIGHT = 10_000
 """The highest weight that Hyper-V and control groups know: what P1's own processors leave idle goes to P2."""
-
-CONFINEMENT = f"P2 reserves the rest, with the weight {P2_WEIGHT}"
-"""How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
-
-GROUP_CONFINEMENT = "the weights of the control groups P1 and P2 are their reservations; P2 reserves the rest"
-"""How P1 is held to CR on Linux, where weight with a reserve has no meaning."""
-
-
-ATTACHED_CONFINEMENT = "a quota limits the component to its CR; P2 reserves the rest"
-"""How a component that runs already is held to CR (`run.attach`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +60,16 @@ class EnvironmentSetup:
     memory: int  # bytes, of P1
     limit: int  # of P1: per cent of each of its processors
     weight: int  # of P1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineSpeed:
+    """The speed of all processors at one moment, as far as the system reports it."""
+
+    governor: str = ""  # of Linux's cpufreq, several joined by a comma; empty: not known, as on Windows
+    mhz: int = 0  # on the average of the processors; 0: not known
+    limit_mhz: int = 0  # the highest frequency allowed now, on the average; 0: not known
+    throttled: int = 0  # rises each time that heat slows the processors
 
 
 ALL_PARTITIONS = ""

@@ -35,7 +35,6 @@ from rarms_iac.model.loads import DEFAULT_LOADS, Interference
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, Unit
 from rarms_iac.model.run import SIMULATED_ONLY, Run
-from rarms_iac.model.wording import in_a_row
 
 
 class Disruption(StrEnum):
@@ -466,7 +465,7 @@ class Policy:
 
     interference: Annotated[
         OneOrSeveral[Name],
-        Key(f"The loads for the measurement of reservations; absent: {in_a_row(DEFAULT_LOADS)}."),
+        Key(f"The loads for the measurement of reservations; absent: {', '.join(DEFAULT_LOADS)}."),
     ] = DEFAULT_LOADS
     minimise: Annotated[
         Minimise,

@@ -14,11 +14,9 @@ from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, comma
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Mechanism
 from rarms_iac.model.layout import ChosenLayout, Infeasible, Layout, LookedUp, Relaxation, RelaxationKind
-from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import Disruption, Measured, System
-from rarms_iac.model.wording import counted, list_names
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.measured_conditions import little_memory, other_governor
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
@@ -27,6 +25,8 @@ from rarms_iac.planner.planning_findings import NOT_PROVEN
 from rarms_iac.planner.problem import Problem, by_name, check_layout, problem_of, solve
 from rarms_iac.planner.real_time import real_time_findings
 from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.texts.messages import counted, list_names
+from rarms_iac.texts.quantities import show_bytes, show_lp_percent, show_processors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +114,28 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
             advice=cause.advice or prose(describe_ways_out(answer.relaxations), _limit_of_search(answer)),
             values={"proven": answer.proven, **cause.values, **relaxed_levels(answer.relaxations), **limit},
         )
+
+
+def gather_unmeasured(findings: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Replace the findings on components without a measurement: one for each platform, in the place of its first."""
+    kinds: dict[object, list[Diagnostic]] = {}
+    for finding in findings:
+        is_one = finding.code == planning_findings.UNMEASURED.code and "loads_not_measured" not in finding.values
+        kinds.setdefault(finding.values["platform"] if is_one else finding, []).append(finding)
+    return tuple(alike[0] if len(alike) == 1 else _unmeasured_together(alike) for alike in kinds.values())
+
+
+def _unmeasured_together(alike: Sequence[Diagnostic]) -> Diagnostic:
+    first, components = alike[0], [each.values["components"] for each in alike]
+    return planning_findings.UNMEASURED.at(
+        first.place,
+        "{components} are not measured on {platform} yet.",
+        prose("Measure first: ", MEASURE, ". Or set fixed reserves (`cpu.reserve`)."),
+        address=first.address,
+        components=tuple(name for names in components if isinstance(names, tuple) for name in names),
+        platform=first.values["platform"],
+        proven=first.values["proven"],
+    )
 
 
 def _limit_of_search(answer: Infeasible) -> str:

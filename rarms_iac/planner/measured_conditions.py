@@ -6,11 +6,13 @@ from math import ceil
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import LookedUp
-from rarms_iac.model.quantities import show_bytes, write_bytes
 from rarms_iac.model.seen_host import SeenHost
-from rarms_iac.model.speed import MEMORY_FACTOR
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_bytes, write_bytes
+
+MEMORY_FACTOR = 1.2
+"""A partition's memory over the peak that was measured: a plan warns where it is less."""
 
 _MEBIBYTE = 2**20
 

@@ -15,13 +15,13 @@ from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import Layout, LookedUp, PlacedPartition
 from rarms_iac.model.loads import is_steady
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import Component, Threshold, run_of
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import depends_on_a_log
+from rarms_iac.texts.quantities import show_milliseconds
 
 
 def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

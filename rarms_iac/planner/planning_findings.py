@@ -1,6 +1,6 @@
 """Kinds of problems that planning finds."""
 
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.texts.findings import Finding
 
 CONTRADICTION = Finding.warning("RARMS306", "A compound contradicts an assumption of the proof")
 

@@ -12,13 +12,13 @@ from rarms_iac.model.names import renaming
 from rarms_iac.model.seen_host import SeenHost, seen_hosts
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import cannot_be_made, cannot_have_reserve, deadline_percent, mechanism_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
 from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log
 from rarms_iac.planner.sizes import size
+from rarms_iac.texts.messages import natural_order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

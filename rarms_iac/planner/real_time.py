@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.task_classes import budget_percent
+from rarms_iac.texts.findings import Finding
 
 BUDGETS = Finding.error("RARMS442", "Real-time budgets exceed the host")
 NEVER_STOPPED = Finding.error("RARMS443", "The kernel never stops threads with a task class")

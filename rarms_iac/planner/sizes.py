@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 
-from rarms_iac.model.diagnostics import UNUSABLE_RESERVE, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorSource, processor_number
 from rarms_iac.model.host import Host, HypervHost, Mechanism, ProviderKind
 from rarms_iac.model.layout import Making, PlacedPartition
@@ -22,12 +22,13 @@ from rarms_iac.model.quantities import (
 )
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
 from rarms_iac.model.system import MOST_WEIGHT, USUAL_WEIGHT, Headroom, Measured, StartMode, weight_of_criticality
-from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
 from rarms_iac.planner.starting import starting_of
 from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.texts.findings import UNUSABLE_RESERVE
+from rarms_iac.texts.quantities import count_processors
 
 LAST = 1
 """The weight of a partition that gets no headroom but what all others leave."""
@@ -182,7 +183,7 @@ def size_without_reserve(group: Group, host: Host) -> PlacedPartition | Diagnost
 
 def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Diagnostic | None:
     """Return the reason why a partition of so many LPs and virtual processors does not fit an empty host."""
-    reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
+    reserve, width = per_virtual_processor(wanted, processors), count_processors(processors, host)
     if reserve > 100:
         return UNUSABLE_RESERVE.at(
             None,

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
-from rarms_iac.model.diagnostics import CLASS_ORDER, NEIGHBOURS, Diagnostic, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, criticality_of, masks_of
 from rarms_iac.running.thread_priorities import ThreadRule
+from rarms_iac.texts.findings import CLASS_ORDER, NEIGHBOURS
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""

@@ -11,15 +11,17 @@ from typing import TypeGuard
 
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, worst
-from rarms_iac.model.quantities import ReservePercent, guaranteed, show_processors
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.system import Component, Threshold
-from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.statistics.curves import Curve, highest_missed, least_reserve
 from rarms_iac.storage.datalog.log import DataLog, Recorded
+from rarms_iac.texts.findings import Finding, Given
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_processors
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -97,6 +99,22 @@ LogOfLoad = MeasuredTogether | NotMeasured
 Apt = tuple[str, str, Threshold]
 """Component, performance index and threshold."""
 
+_Answers = Sequence[tuple[MeasuredTogether, ReservePercent | None]]
+"""Each data log with the least CR that it shows to be enough; None: it shows none."""
+
+
+def with_curves(
+    members: Iterable[Component], curves: Callable[[str, str], Curve]
+) -> tuple[tuple[Curve, Threshold], ...]:
+    """Return each threshold of the components with the curve of its index.
+
+    Args:
+        curves: by component and index.
+    """
+    return tuple(
+        (curves(member.name, index), threshold) for member in members for index, threshold in member.apt.items()
+    )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
@@ -121,20 +139,21 @@ def decide(members: Sequence[Component], logs: Sequence[LogOfLoad]) -> Decision:
         The verdict. If several loads need the same reservation, the log with the highest setting below it decides.
     """
     apts = [(member.name, index, threshold) for member in members for index, threshold in member.apt.items()]
-    known = [log for log in logs if isinstance(log, MeasuredTogether) and log.measured]
-    missing = tuple(log.interference for log in logs if log not in known)
+    known = [log for log in logs if isinstance(log, MeasuredTogether)]
+    missing = tuple(log.interference for log in logs if isinstance(log, NotMeasured) or not log.measured)
     if any(_is_unusable(log) for log in logs):
         return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
-    decision = _decide_measured(apts, known, missing)
-    return decision if decision.verdict.achievement is Achievement.MET else _provisional(apts, logs, decision)
+    answers = [(log, least_reserve(with_curves(members, log.curves))) for log in known]
+    decision = _decide_measured(apts, [each for each in answers if each[0].measured], missing)
+    return decision if decision.verdict.achievement is Achievement.MET else _provisional(apts, answers, decision)
 
 
-def _decide_measured(apts: Sequence[Apt], known: Sequence[MeasuredTogether], missing: Names) -> Decision:
-    if not known:
+def _decide_measured(apts: Sequence[Apt], answers: _Answers, missing: Names) -> Decision:
+    if not answers:
         return Decision(verdict=_verdict([(apt, Achievement.UNMEASURED) for apt in apts], missing))
-    answers = [least_reserve((log.curves(name, index), threshold) for name, index, threshold in apts) for log in known]
-    least = answers[hardest(answers)]
-    asking_for_most = [log for log, answer in zip(known, answers, strict=True) if answer == least]
+    known = [log for log, _ in answers]
+    _, least = answers[hardest([answer for _, answer in answers])]
+    asking_for_most = [log for log, answer in answers if answer == least]
     decisive = max(asking_for_most, key=partial(_weight, apts=apts, least=least))
     achievements = [(apt, worst(tuple(_achievement(apt, log) for log in known))) for apt in apts]
     if least is None and all(achievement is Achievement.MET for _, achievement in achievements):
@@ -148,22 +167,19 @@ def _decide_measured(apts: Sequence[Apt], known: Sequence[MeasuredTogether], mis
     return Decision(verdict=verdict, log=replace(decisive, least=verdict.reserve))
 
 
-def _provisional(apts: Sequence[Apt], logs: Sequence[LogOfLoad], decision: Decision) -> Decision:
+def _provisional(apts: Sequence[Apt], shown: _Answers, decision: Decision) -> Decision:
     """Decide by the estimates of the first pass where verdicts do not decide; as before where there are none.
 
     A load with verdicts that show a reservation counts with this one. A threshold that was shown to be missed stays so.
     """
     if any(each.achievement is Achievement.MISSED for each in decision.verdict.thresholds):
         return decision
-    known = [log for log in logs if isinstance(log, MeasuredTogether)]
-    shown = [least_reserve((log.curves(name, index), threshold) for name, index, threshold in apts) for log in known]
-    answers = [log.estimated if least is None else least for log, least in zip(known, shown, strict=True)]
-    found = [answer for answer in answers if answer is not None]
-    unmet = [log for log, answer in zip(known, answers, strict=True) if answer is None]
-    if not any(log.estimated is not None for log in known) or any(log.measured or log.looks for log in unmet):
+    answers = [(log, log.estimated if least is None else least) for log, least in shown]
+    found = [(log, answer) for log, answer in answers if answer is not None]
+    unmet = [log for log, answer in answers if answer is None]
+    if not any(log.estimated is not None for log, _ in shown) or any(log.measured or log.looks for log in unmet):
         return decision
-    least = max(found)
-    decisive = known[answers.index(least)]
+    decisive, least = max(found, key=lambda each: each[1])
     achievements = [(apt, Achievement.PROVISIONAL) for apt in apts]
     verdict = _verdict(achievements, decision.verdict.not_measured, decisive.interference, least)
     return Decision(verdict=verdict, log=replace(decisive, least=least))

@@ -12,8 +12,9 @@ from struct import iter_unpack
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import quoted
 
 Scalar = bool | int | str
 Literal = str

@@ -13,11 +13,11 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.host import Host, HypervHost
 from rarms_iac.model.setting import PartitionShape
 from rarms_iac.model.state import HostFacts
-from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal
 from rarms_iac.powershell.pieces import call
 from rarms_iac.powershell.templates import MEASURING_ENTRY, ScriptForm, fact_lines, fill, module_text
 from rarms_iac.storage.json_text import canonical
+from rarms_iac.texts.messages import remark
 
 UNPLANNED = "0" * 12
 """Stands for a plan's id in pending names, marks and names of disks: test partitions belong to no plan."""

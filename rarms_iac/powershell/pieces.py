@@ -14,12 +14,12 @@ from rarms_iac.model.changes import SLASH
 from rarms_iac.model.facets import FACETS, Facet, Reading, Readings
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step
-from rarms_iac.model.quantities import write_bytes
 from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, ValueKind
 from rarms_iac.powershell.literals import Literal, NoLiteral, literal
 from rarms_iac.powershell.templates import VM, guarded
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.json_text import canonical
+from rarms_iac.texts.quantities import write_bytes
 
 _FREE: Readings = {"taken": False}
 """No foreign machine has the name: one that came after the plan must not get a namesake."""

@@ -17,7 +17,6 @@ from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, RestorePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import GuestTask, HostSteps, RunIdentity, Step, owner_of
 from rarms_iac.model.state import Partition, Tie
-from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.pieces import (
@@ -54,6 +53,7 @@ from rarms_iac.powershell.templates import (
     module_text,
 )
 from rarms_iac.storage.marks import foreign_values
+from rarms_iac.texts.messages import remark
 from rarms_iac.texts.plans import describe_stop, reversal_title
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")

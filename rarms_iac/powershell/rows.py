@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Literal
 from rarms_iac.powershell.templates import LATER_ROW, ROW, StepText, TargetText, statement_lines, table_lines
+from rarms_iac.texts.messages import remark
 
 _STRING = r"'(?:[^']|'')*'"
 _VALUE = re.compile(

@@ -15,11 +15,11 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Step, UndoLevel, owner_of
-from rarms_iac.model.quantities import show_bytes, show_lp_percent
 from rarms_iac.model.state import Partition, PartitionSettings
-from rarms_iac.model.wording import counted, natural_order, remark
 from rarms_iac.powershell.pieces import NewFiles, ScriptPiece
 from rarms_iac.storage.marks import ForeignValue
+from rarms_iac.texts.messages import counted, natural_order, remark
+from rarms_iac.texts.quantities import show_bytes, show_lp_percent
 
 _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "Remove-Item"
 _REMOVED_CLASS, _WAITS = "Remove-TaskClass", "Wait-Start"

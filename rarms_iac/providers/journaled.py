@@ -12,14 +12,13 @@ from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarte
 from rarms_iac.model.operations import CreatePartition, RestorePartition
 from rarms_iac.model.plan import Scope, wrong_name
 from rarms_iac.model.state import Partition, State
-from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.disk import advice_on, make_folder_for
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.records import Damaged, Record, first_in, last_in, records_in, sealed_line
 from rarms_iac.storage.writing import Locked, append, hold, read_holder, replace
-from rarms_iac.texts.messages import reason_of
+from rarms_iac.texts.messages import quoted, reason_of
 
 T = TypeVar("T")
 PLAN_AGAIN = prose("Check the host again: ", PLAN, ".")

@@ -19,7 +19,6 @@ from typing import TypeVar
 from rarms_iac.model.names import BETWEEN, NAME_PATTERN
 from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import EraseMark, MachineOperation, RestorePartition, WriteMark
-from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import (
     ID_DIGITS,
     NO_GENERATION,
@@ -32,6 +31,7 @@ from rarms_iac.model.state import (
     StopAction,
     StoppedBy,
 )
+from rarms_iac.texts.quantities import show_bytes
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)

@@ -164,7 +164,7 @@ class WorkHost(ReadableHost, Protocol):
     What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
     as it asks for more: P2 reserves all that the host's processors have, less CR and less what machines of others
     reserve, what is kept for the host included, and has the highest weight for what is not claimed
-    (`model.setting.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A
+    (`storage.datalog.identity.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A
     provider keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the
     same about otherwise, and change that part for its logs.
     """

@@ -4,9 +4,10 @@ import os
 import sys
 from collections.abc import Iterable
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.run import AttachedContainer, AttachedService, Container, Processes
 from rarms_iac.model.system import Component
+from rarms_iac.texts.findings import Finding
 
 RUN_AS_ROOT = Finding.warning("RARMS441", "Components run as root")
 

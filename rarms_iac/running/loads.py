@@ -11,11 +11,11 @@ from types import TracebackType
 from typing import Self, assert_never
 
 from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.running.events import OutputLine, ProcessEnded
 from rarms_iac.running.orders import CannotStart, RunningError, StartContext
 from rarms_iac.running.start import order_of_words
 from rarms_iac.running.supervisor import Supervisor
+from rarms_iac.texts.quantities import show_milliseconds
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")

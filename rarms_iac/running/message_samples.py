@@ -14,16 +14,16 @@ from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Command, Process, Run, Service, Stop
 from rarms_iac.model.series import HeardMessages, Sample
-from rarms_iac.model.wording import counted
 from rarms_iac.running.environment import as_user, own_program
 from rarms_iac.running.events import OutputLine, ProcessEnded, describe_early_end
 from rarms_iac.running.message_pairs import MessageJob, MessagePairs
 from rarms_iac.running.orders import CannotStart, ProcessOrder, StartOrder
 from rarms_iac.running.samples import SampleRecord, SampleSource, SamplingEnd
 from rarms_iac.running.supervisor import Supervisor
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_milliseconds
 
 SUBSCRIBER = Path(__file__).resolve().with_name("message_subscriber.py")
 START_S = 60.0

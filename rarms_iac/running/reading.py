@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rarms_iac.model.run import STREAM_NAMES, Call, Field, Run, Samples
+from rarms_iac.model.run import Call, Field, Run, Samples
 from rarms_iac.model.series import FIRST_SKIPPED, LARGEST_SAMPLE, SkippedLines
-from rarms_iac.model.wording import counted, quoted
+from rarms_iac.texts.messages import STREAM_NAMES, counted, quoted
 
 SHOWN = 60
 """Characters of an unreadable line that its message shows."""

@@ -5,7 +5,6 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import HeardMessages, Sample, SkippedLines
 from rarms_iac.running.events import (
@@ -31,6 +30,7 @@ from rarms_iac.running.reading import (
     skip_line,
 )
 from rarms_iac.running.supervisor import Supervisor
+from rarms_iac.texts.quantities import show_milliseconds
 
 FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
 LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")

@@ -9,10 +9,11 @@ from base64 import b64encode, urlsafe_b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from urllib.parse import quote, quote_plus
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.run import FromEnvironment, Run
 from rarms_iac.model.system import Component
-from rarms_iac.model.wording import quoted
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import quoted
 
 LEAST = 6
 """Characters of a value that is looked for: a shorter one stands in other words, too."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import Any
 
-from rarms_iac.model.wording import HIDDEN, quoted
 from rarms_iac.storage.codec import Json, NotDecodable, encode
+from rarms_iac.texts.messages import HIDDEN, quoted
 
 _SHAPE = bytes.maketrans(b"123456789E", b"000000000e")
 _HUGE = (b"e000", b"e+000", b"0" * 300)

@@ -16,12 +16,12 @@ from importlib import metadata
 from typing import Any, Literal, cast
 
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import HostPlan, HostSteps, Plan, PlanInputs, RunIdentity
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.json_text import canonical, digest, digest_of_texts, parse_json, readable_json, short
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import in_a_row, quoted
 
 FORMAT = "rarms-plan/3"
 MAX_BYTES = 64 * 2**20

@@ -2,11 +2,11 @@
 
 from typing import ClassVar
 
-from rarms_iac.model.diagnostics import NOT_READ, Finding
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json, readable_json
+from rarms_iac.texts.findings import NOT_READ, Finding
+from rarms_iac.texts.messages import quoted
 
 FORMAT = "rarms-snapshot/1"
 MAX_BYTES = 64 * 2**20

@@ -30,10 +30,9 @@ from rarms_iac.measuring.tune import TuneRequest, UnattendedTuning, tune_compone
 from rarms_iac.model.commands import APPLY, PLAN, START, RecommendedCommand, command
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.plan import Plan, Purpose
-from rarms_iac.model.wording import in_a_row, quoted
 from rarms_iac.providers.interface import WaitLimits
 from rarms_iac.studio.work import Ending, Transcript
-from rarms_iac.texts.messages import STOPPED
+from rarms_iac.texts.messages import STOPPED, in_a_row, quoted
 from rarms_iac.views.measure import summary_text
 from rarms_iac.views.run import run_text, undo_text
 from rarms_iac.views.tune import TuningProgress, manifest_changes, tuned_text

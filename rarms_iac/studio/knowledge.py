@@ -20,9 +20,10 @@ from rarms_iac.app.status import History, Overview, history_of_hosts, overview_o
 from rarms_iac.app.use_case_errors import UseCaseError, system_finding
 from rarms_iac.app.wiring import HOSTS, state_folder
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.storage.disk import MEASUREMENTS
+from rarms_iac.texts.findings import first_of_each_kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,11 +23,11 @@ from rarms_iac.model.commands import PLAN, START, RecommendedCommand, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.knowledge import LOOK_SECONDS, Knowledge, is_followed
 from rarms_iac.texts.indexes import show_threshold
+from rarms_iac.texts.messages import in_a_row, natural_order
+from rarms_iac.texts.quantities import show_processors
 from rarms_iac.views.console import UNLIMITED, plain_text, render
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.reports.html import render_page

@@ -31,13 +31,13 @@ from rarms_iac.app.use_case_errors import RequestError, UseCaseError
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.model.commands import sentences
 from rarms_iac.model.diagnostics import in_order
-from rarms_iac.model.wording import in_a_row
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.studio.actions import ACTIONS, Action, Workspace
 from rarms_iac.studio.guard import LOOPBACK, MOST_ACCEPTED, BoundedProtocol, Guard, Keys, StudioServer, bind
 from rarms_iac.studio.knowledge import Watch
 from rarms_iac.studio.page import StudioSettings, page_of
 from rarms_iac.studio.work import Ending, TaskRunner, Transcript, WorkRefused, WorkState
+from rarms_iac.texts.messages import in_a_row
 from rarms_iac.views.console import UNLIMITED, command_text, plain_text, render
 from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.questions import selection_text

@@ -4,8 +4,9 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.model.indexes import PerformanceIndex
-from rarms_iac.model.quantities import UNITS, plain, show_number
+from rarms_iac.model.quantities import UNITS
 from rarms_iac.model.system import Threshold
+from rarms_iac.texts.quantities import plain, show_number
 
 
 def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Threshold | None = None) -> str:
@@ -24,6 +25,11 @@ def show_value(index: PerformanceIndex, value: Fraction | float, threshold: Thre
     if not isfinite(value):
         return show_number(value)
     return f"{show_number(value / float(size), *([float(threshold.value / size)] if threshold else []))} {unit}"
+
+
+def short_name(index: PerformanceIndex) -> str:
+    """Return the name for a narrow column: `p95` of `p95_response_time`, `throughput` of `throughput`."""
+    return index.name.removesuffix("_response_time")
 
 
 def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:

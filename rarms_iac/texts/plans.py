@@ -29,8 +29,9 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.plan import Step
-from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_period, show_processors, write_bytes
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import NO_GENERATION, Partition, PartitionSettings, StartAction
+from rarms_iac.texts.quantities import plain, show_lp_percent, show_processors, write_bytes
 
 _AUTOMATIC_START = {
     StartAction.NOTHING: "no",
@@ -54,7 +55,7 @@ def setting_text(field: str, settings: PartitionSettings) -> str:
         case "memory":
             return write_bytes(value) if value else "no limit"
         case "quota_period_us":
-            return show_period(value)
+            return f"{plain(Fraction(value, 1000))} ms" if value else "none"
         case "start_action":
             return _AUTOMATIC_START[value]
         case _ if isinstance(value, bool):

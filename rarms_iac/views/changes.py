@@ -5,18 +5,20 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.drift import ComparedHost, DriftReport
-from rarms_iac.diff.drift import DriftKind
+from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update, count
 from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.facets import LABELS, NO_LIMIT, settings_of
 from rarms_iac.model.plan import HostPlan
-from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.messages import counted, in_a_row, natural_order
 from rarms_iac.texts.plans import setting_text
+from rarms_iac.texts.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
+from rarms_iac.views.table import Column, Row, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -196,22 +198,36 @@ def name_findings(findings: Sequence[Diagnostic]) -> str:
     return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary})" for finding in findings))
 
 
+DRIFTED = (
+    Column("resource", wraps=True),
+    Column("state", wraps=True),
+    Column("setting", wraps=True),
+    Column("on the host", right=True),
+    Column("wanted", right=True),
+)
+
+
 def _drifted_host(host: ComparedHost) -> "Iterator[RenderableType]":
     yield styled((f"Host {host.name} ({show_processors(host.host_lp)})", STRONG))
-    for drifted in sorted(host.drifted, key=lambda each: natural_order(str(each.address))):
-        address, change = drifted.address, drifted.change
-        differing = "; ".join(
-            f"{attribute.name} is {attribute.before}, wanted {attribute.after}"
-            for attribute in (attributes_of(change, host.seen.facts) if change is not None else ())
-            if attribute.differs and attribute.before is not None and attribute.after is not None
-        )
-        name = address.in_short
-        members = members_of(address.partition, {address.partition: drifted.components})
-        amount = None if change is None else change.reserved_lp
-        wanted = "" if amount is None else f", {show_processors(amount)} wanted"
-        text = f"{members}{wanted}: {TITLES[drifted.drift]}; {differing or drifted.message}"
-        yield paragraph(styled((name, STRONG), text), indent=2, more=4)
+    ordered = sorted(host.drifted, key=lambda each: natural_order(str(each.address)))
+    yield Table(DRIFTED, [row for drifted in ordered for row in _drift_rows(drifted, host.seen.facts)], indent=2)
     yield ""
+
+
+def _drift_rows(drifted: ResourceDrift, facts: HostFacts) -> "Iterator[Row]":
+    """Yield a row for each setting that differs; of a resource that is missing, for its reserve alone."""
+    address = drifted.address
+    name = address.in_short + members_of(address.partition, {address.partition: drifted.components})
+    attributes = () if drifted.change is None else attributes_of(drifted.change, facts)
+    differing = [
+        (attribute.name, attribute.before or "", attribute.after)
+        for attribute in attributes
+        if attribute.differs and attribute.after and (attribute.before or attribute.name == "reserve")
+    ]
+    is_compared = any(before for _, before, _ in differing)
+    first, *others = differing or [("", "", "")]
+    yield (name, TITLES[drifted.drift] if is_compared else drifted.message, *first)
+    yield from (("", "", *other) for other in others)
 
 
 def _summary(report: DriftReport) -> str:

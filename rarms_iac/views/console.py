@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording
-from rarms_iac.model.wording import HIDDEN
+from rarms_iac.texts.messages import HIDDEN
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -249,7 +249,7 @@ class Harmless:
 
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
-    """Return a console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
+    """Return a console for what rich updates in place on a terminal (`rich.live`)."""
     return _console(cast("TextIO", _PlainSpaces(stream)), width, terminal=True, colour=colour)
 
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.install import HostInstallation, Installation
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, prose
+from rarms_iac.model.commands import DOCTOR, START_AT_BOOT, STATUS, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import HostFacts
+from rarms_iac.texts.quantities import show_bytes, show_processors
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 from rarms_iac.views.finding_forms import OutputFormat, findings_as
 from rarms_iac.views.findings_text import findings_text
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FACTS = (Column("fact"), Column("value", wraps=True))
 
-HEALTHY = "No problems found: the hosts can honour reservations."
+HEALTHY = prose("No problems found: the hosts can honour reservations. Next: ", STATUS)
 
 
 def doctor_as(form: OutputFormat, examined: Examinations, manifest: Manifest) -> "RenderableType":
@@ -49,7 +49,7 @@ def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":
         parts += [styled((title, STRONG)), Table(FACTS, rows, header=False, indent=2), ""]
     findings, accepted = examined.findings, examined.accepted
     healthy = not findings and not accepted
-    return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))
+    return stack(*parts, paragraph(HEALTHY) if healthy else findings_text(findings, sources, accepted=accepted))
 
 
 def _rows(examined: SeenHost, application: str) -> Iterator[tuple[str, str]]:

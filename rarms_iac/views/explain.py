@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.explain import Explanation
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.model.commands import prose
-from rarms_iac.model.quantities import show_reserve
+from rarms_iac.texts.quantities import show_reserve
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 

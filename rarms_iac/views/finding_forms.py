@@ -17,9 +17,8 @@ from xml.etree import ElementTree as ET
 from rarms_iac.model.commands import sentences
 from rarms_iac.model.diagnostics import Diagnostic, Fact, Findings, Place, Places, Severity, Sources
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import encode_output
-from rarms_iac.texts.messages import suggestion
+from rarms_iac.texts.messages import quoted, suggestion
 from rarms_iac.views.console import visible
 from rarms_iac.views.json_output import json_of
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
-from rarms_iac.model.wording import counted
+from rarms_iac.texts.messages import counted
 from rarms_iac.views.console import (
     DIM,
     ERROR,

@@ -8,10 +8,10 @@ from typing import Literal
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.problem import by_name
+from rarms_iac.texts.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.views.table import Column, Table
 
 

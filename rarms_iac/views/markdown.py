@@ -13,7 +13,7 @@ from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.model.commands import sentences
 from rarms_iac.model.diagnostics import Diagnostic, Places, Severity
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.wording import counted
+from rarms_iac.texts.messages import counted
 from rarms_iac.views.console import GLUE, styled, visible
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.json_output import json_of

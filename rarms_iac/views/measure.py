@@ -26,12 +26,13 @@ from rarms_iac.model.outcomes import (
     Swept,
     Unsteady,
 )
-from rarms_iac.model.quantities import guaranteed, share_of_processors, show_percent, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import AtMost, Component
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.distributions import describe_errors, describe_extreme
 from rarms_iac.statistics.first_look import point_estimate
 from rarms_iac.texts.indexes import show_range, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import share_of_processors, show_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.status import describe_totals
 from rarms_iac.views.table import Column, Table

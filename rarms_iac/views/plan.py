@@ -14,11 +14,11 @@ from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.host import Connect, LinuxHost, ProviderKind, Receiver, WinRmConnect
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
-from rarms_iac.model.quantities import show_bytes, show_duration, show_lp_percent, show_milliseconds, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.texts.messages import counted, in_a_row, natural_order
 from rarms_iac.texts.plans import describe_placement
+from rarms_iac.texts.quantities import show_bytes, show_duration, show_lp_percent, show_milliseconds, show_processors
 from rarms_iac.views.changes import (
     SYMBOLS,
     AttributeText,

@@ -4,21 +4,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, RemainingSettings, WorkBegun
+from rarms_iac.measuring.duration import forecast
 from rarms_iac.measuring.evidence import MeasuredIndex, indexes_of_series, measured_indexes
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
-from rarms_iac.model.quantities import ReservePercent, guaranteed, show_duration, show_number, show_processors
-from rarms_iac.model.run import STREAM_NAMES
+from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.wording import counted, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
-from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.indexes import short_name, show_value
+from rarms_iac.texts.messages import STREAM_NAMES, counted, natural_order
+from rarms_iac.texts.quantities import show_number, show_processors
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRow, Table
@@ -162,7 +163,7 @@ class MeasuringProgress(MeasuringReporter):
         quick, slow = ordered[len(ordered) // 4], ordered[-1]
         rest, running = self._units - self._ended, self._clock() - self._unit_began
         least, most = (max(0.0, 1000 * (rest * each - min(running, each))) for each in (quick, slow))
-        return f", {show_duration(least)} to {show_duration(most)} left" if most else ""
+        return f", {forecast(least, most)} left" if most else ""
 
     def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
         """Write the experiment's time left at the speed so far; during the first setting, that setting's."""
@@ -182,14 +183,14 @@ def unit_line(unit: FinishedUnit) -> str:
     if unit.values:
         each = max(unit.values, key=lambda value: share_of_threshold(value.value, value.threshold))
         index = index_named(each.index)
-        name, bound = index.name.removesuffix("_response_time"), show_bound(index, each.threshold)
-        value = f"{name} {show_value(index, each.value, each.threshold)} {bound}"
+        bound = show_bound(index, each.threshold)
+        value = f"{short_name(index)} {show_value(index, each.value, each.threshold)} {bound}"
     words = (unit.subject, unit.load, amount, value, unit.ending)
     return f"[{unit.number}/{unit.of}] {'  '.join(filter(None, words))}"
 
 
 def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
-    """Write as `, 12 s to about 40 s left`; empty if that is unknown or nothing is left.
+    """Write as `, 12 s to about 40 s left`; empty if this is unknown or nothing is left.
 
     A setting that takes longer than those before may end at once.
     """
@@ -197,13 +198,7 @@ def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) 
         return ""
     of_this = min(took, remaining.setting_seconds)
     least, most = (1000 * (count * remaining.setting_seconds - of_this) for count in (remaining.least, remaining.most))
-    if most <= 0:
-        return ""
-    if least <= 0:
-        return f", at most about {show_duration(most)} left"
-    if remaining.least == remaining.most:
-        return f", about {show_duration(most)} left"
-    return f", {show_duration(least)} to about {show_duration(most)} left"
+    return f", {forecast(least, most)} left" if most > 0 else ""
 
 
 def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:
@@ -221,9 +216,10 @@ def samples_of(by_component: Mapping[str, Series]) -> str:
 
 
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
-    """Return the values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
+    """Return the values alone: `mean 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
-        f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
+        f"{index.component if several else short_name(index_named(index.index))} "
+        f"{show_value(index_named(index.index), index.estimate.value)}"
         for index in indexes
         if index.estimate is not None
     ]

@@ -5,47 +5,71 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.select import BeyondMeasured, Selection
+from rarms_iac.app.select import BeyondMeasured, SelectedLevel, Selection
 from rarms_iac.measuring.level_prompt import CombiningOffer
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.model.commands import MEASURE, Wording, prose
 from rarms_iac.model.indexes import PerformanceIndex, index_named
-from rarms_iac.model.quantities import share_of_host, share_of_processors, show_lp_percent, show_processors
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
+from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.quantities import share_of_processors, show_lp_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
+LEVELS = (
+    Column("partition", wraps=True),
+    Column("host", wraps=True, if_differs=True),
+    Column("reservation", right=True, unit="LP"),
+    Column("CR", right=True),
+    Column("measured", wraps=True),
+    Column("load", wraps=True),
+)
+
+
 def selection_text(selection: Selection) -> "RenderableType":
-    """Return the level, the reservation and the headroom."""
+    """Return the level, the reservations for it with the values measured there, and the headroom."""
     index = index_named(selection.index)
     before = "none" if selection.before is None else show_threshold(index, selection.before)
     head = f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
-    return stack(paragraph(head), *(paragraph(line, indent=2) for line in _consequences(selection, index)))
+    rows = [
+        (
+            level.partition,
+            level.host,
+            level.reserved_lp,
+            share_of_processors(level.reserve, level.processors),
+            _measured(level, index),
+            level.interference,
+        )
+        for level in selection.levels
+    ]
+    remarks = (paragraph(line, indent=2, more=2) for line in _remarks(selection))
+    return stack(paragraph(head), Table(LEVELS, rows, indent=2), *remarks)
 
 
-def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[Wording]:
+def _measured(level: SelectedLevel, index: PerformanceIndex) -> str:
+    if level.expected is None:
+        return ""
+    bounds = "so far" if index.is_extreme else f"({show_range(index, level.expected.lower, level.expected.upper)})"
+    return f"{show_value(index, level.expected.value)} {bounds}"
+
+
+def _remarks(selection: Selection) -> Iterator[Wording]:
     for level in selection.levels:
-        own = share_of_processors(level.reserve, level.processors)
-        share = share_of_host(level.reserved_lp, level.host_lp, level.host)
-        yield f"partition {level.partition}: {show_processors(level.reserved_lp)}, {own}, {share}"
-        load_suffix = f" with {level.interference}" if level.other_loads else ""
-        if level.expected is not None:
-            expected = level.expected
-            bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"
-            yield f"measured there{load_suffix}: {show_value(index, expected.value)} {bounds}"
         if selection.file and not level.measured_below and level.may_be_less:
-            yield prose(f"no lower setting was measured{load_suffix}: ", MEASURE, " may find a smaller reservation")
+            load = f" under {level.interference}" if level.interference else ""
+            lower = f"No lower reservation of {level.partition} was measured{load}. "
+            yield prose(lower, MEASURE, " may find a smaller reservation.")
     if not selection.depends_on_a_log:
-        yield "the manifest fixes its reservation; to follow the APT, set `cpu: { reserve: measured }`"
+        yield "The manifest fixes the reservation. To use the measured reservation, set `cpu: { reserve: measured }`."
     for host, totals in selection.totals.items():
-        yield f"headroom of {host}: {show_processors(totals.free_lp)} of {show_processors(totals.host_lp)}"
+        yield f"Headroom of {host}: {show_processors(totals.free_lp)} of {show_processors(totals.host_lp)}."
     if selection.why_no_headroom:
-        yield f"the headroom is not known: {selection.why_no_headroom}"
+        yield f"The headroom is not known: {selection.why_no_headroom}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +165,6 @@ def combination_question(members: Members, settings: int, gain: int) -> Question
 
 def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -> "RenderableType":
     """Return the settings, a plot an index, and what all reservations add up to."""
-    from rarms_iac.views.console import paragraph, stack
     from rarms_iac.views.measure import settings_text
     from rarms_iac.views.reports.terminal import legend, terminal_plot
     from rarms_iac.views.status import fit_text

@@ -1,11 +1,10 @@
 """Applying and undoing: what is going to be done, what goes on, and how it ended.
 
-`RunProgress` is a `RunReporter` that shows a line a partition: updated in place on a terminal, else whole lines.
+`RunProgress` is a `RunReporter` that writes a line for each partition, and shows the running step on a terminal.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.undoing import UndoPreview
@@ -23,15 +22,15 @@ from rarms_iac.applying.undo import UndoneStep
 from rarms_iac.model.commands import PLAN, PROVE, START, STATUS, UNDO, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.plan import HostPlan, Purpose, UndoLevel
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import counted
+from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_processors
 from rarms_iac.views.changes import describe_counts, members_of
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.table import Column, LiveRow, Table
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-    from rich.progress import Progress, TaskID
+    from rich.console import RenderableType
 
 GOES_ON = {
     Purpose.APPLY: "Applying plan",
@@ -56,67 +55,68 @@ LONGEST = 500
 """Characters that are shown of a line of a host: of its output, or of a script in its journal."""
 
 
+UNDONE = (Column("resource", wraps=True), Column("undo", wraps=True))
+
+
 def undo_text(undo: UndoPreview) -> "RenderableType":
-    """List the steps of an undo in their order, with those that it cannot undo, and what stays as applied."""
+    """List the steps of an undo in their order, with those that it cannot undo, and the resources that stay."""
     started = undo.started
-    lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in undo.steps]
-    lines += [f"  {visible(line[:LONGEST], keep='')}" for line in undo.script]
-    if undo.keeps:
-        lines += [f"  {address}: stays as applied" for address in undo.foreign]
+    rows = [(step.address, _describe_undone(step)) for step in undo.steps]
+    rows += [(address, "stays as applied") for address in undo.foreign if undo.keeps]
+    script = [f"  {visible(line[:LONGEST], keep='')}" for line in undo.script]
     return stack(
         paragraph(
             f"Undo of the {started.purpose.value} of plan {started.plan} on {undo.host}, started by "
             f"{visible(started.started_by, keep='')}. The last change is undone first:"
         ),
-        *(lines or ["  no step changed anything"]),
+        Table(UNDONE, rows, indent=2),
+        *(script or ([] if rows else ["  no step changed anything"])),
     )
 
 
 def _describe_undone(step: UndoneStep) -> str:
     stays = "stays done: " if step.level is UndoLevel.NONE else ""
-    partly = " (in part)" if step.level is UndoLevel.PARTIAL else ""
-    return f"{step.address}: {stays}{visible(step.title, keep='')}{partly}"
+    partly = ", in part" if step.level is UndoLevel.PARTIAL else ""
+    return f"{stays}{visible(step.title, keep='')}{partly}"
 
 
 @dataclass(slots=True, kw_only=True)
 class _PartitionProgress:
     """The progress of a run with one partition, or with one thing of the host itself."""
 
-    name: str
     described: str  # with its components
-    total: int  # steps; 0: unknown
+    total: int = 0  # steps; 0: unknown
     since: float = 0.0
     took: float = 0.0  # seconds in its steps
     done: int = 0
     changed: int = 0
-    row: "TaskID | None" = None
 
 
 class RunProgress(RunReporter):
-    """A `RunReporter` that writes to a person, a line a partition. Use it as a context manager.
+    """A `RunReporter` that writes to a person: a line for each partition that is done, and the running step below it.
+
+    Use it as a context manager.
 
     Args:
         write: takes a line and shows it at once; one that begins with blanks is an item.
         clock: seconds, from any start.
-        console: where lines are updated in place; None: every line is whole and written once.
+        live: the line of the running step; None: it is not shown.
     """
 
-    def __init__(self, write: Callable[[str], None], clock: Callable[[], float], console: "Console | None") -> None:
-        self._write = write
+    def __init__(self, write: Callable[[str], None], clock: Callable[[], float], live: LiveRow | None) -> None:
+        self._say = write
         self._clock = clock
-        self._console = console
-        self._live: Progress | None = None
+        self._live = live
         self._partitions: dict[str, _PartitionProgress] = {}
         self._components: Mapping[str, Sequence[str]] = {}
+        self._ended = self._known = 0  # partitions
 
     def __enter__(self) -> Self:
         """Show nothing before a run starts."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the lines as they are; show those of partitions that were not finished."""
+    def __exit__(self, *_: object) -> None:
+        """Show the partitions that were not finished."""
         self._end_host()
 
     def run_started(self, begun: RunBegun) -> None:
@@ -128,45 +128,25 @@ class RunProgress(RunReporter):
         self._write(f"{kind} {begun.plan} on {begun.host}{goes_on}")
         for address in begun.addresses:
             self._partition(address).total += 1
-        if self._console is not None:
-            from rich.progress import Progress, TextColumn, TimeElapsedColumn
-            from rich.table import Column
-
-            status = Column(no_wrap=True, overflow="crop", ratio=1)
-            self._live = Progress(
-                TextColumn(
-                    "  {task.description}", markup=False, table_column=Column(max_width=self._console.width - 36)
-                ),
-                TextColumn("{task.fields[steps]}", markup=False, table_column=Column(min_width=8)),
-                TextColumn("{task.fields[status]}", markup=False, table_column=status),
-                TimeElapsedColumn(),
-                expand=True,
-                console=self._console,
-                redirect_stdout=False,
-                redirect_stderr=False,
-            )
-            self._live.start()
+        self._ended, self._known = 0, len(self._partitions)
 
     def step_started(
         self,
         host: str,  # noqa: ARG002 - `run_started` names it, and hosts are walked one at a time
-        number: int,  # noqa: ARG002 - a person follows partitions, not steps
-        total: int,  # noqa: ARG002 - likewise
+        number: int,
+        total: int,
         step: ReportedStep,
     ) -> None:
         """Show the step with its partition."""
         partition = self._partition(str(step.address))
         partition.since = self._clock()
         if self._live is not None:
-            if partition.row is None:
-                partition.row = self._live.add_task(partition.described, total=None, status="", steps="")
-            steps = counted(partition.done, "step")
-            self._live.update(partition.row, status=visible(step.title, keep=""), steps=steps, refresh=True)
+            self._live.show((f"step {number}/{total}", partition.described, visible(step.title, keep="")))
 
     def step_ended(
         self,
         host: str,  # noqa: ARG002 - one host at a time
-        number: int,  # noqa: ARG002 - likewise
+        number: int,  # noqa: ARG002 - a person follows partitions, not steps
         total: int,  # noqa: ARG002 - likewise
         step: ReportedStep,
         status: StepStatus,
@@ -176,45 +156,41 @@ class RunProgress(RunReporter):
         partition.took += self._clock() - partition.since
         partition.done += 1
         partition.changed += status is not StepStatus.UNCHANGED
-        if self._live is not None and partition.row is not None:
-            self._live.update(partition.row, steps=counted(partition.done, "step"), refresh=True)
         if partition.done == partition.total:
             self._end(partition)
 
     def host_output(self, host: str, line: str) -> None:
         """Show it apart from the partitions, without what would move the cursor."""
-        text = f"  {host} printed: {visible(line[:LONGEST], keep='')}"
+        self._write(f"  {host} printed: {visible(line[:LONGEST], keep='')}")
+
+    def _write(self, line: str) -> None:
         if self._live is not None:
-            self._live.console.print(text, markup=False)
-        else:
-            self._write(text)
+            self._live.hide()
+        self._say(line)
 
     def _partition(self, address: str) -> _PartitionProgress:
         name = "/".join(address.split("/")[1:2] if address.startswith("partition/") else [address])
         described = visible(name + members_of(name, self._components), keep="")
-        return self._partitions.setdefault(name, _PartitionProgress(name=name, described=described, total=0))
+        return self._partitions.setdefault(name, _PartitionProgress(described=described))
 
     def _end(self, partition: _PartitionProgress) -> None:
-        """Show the partition for the last time."""
-        steps = counted(partition.done, "step")
+        """Write `[1/4] vision  7 steps  0.2 s`; without a number if it is not done or the partitions are not known."""
+        number, steps = "", counted(partition.done, "step")
+        took = show_seconds(partition.took) if partition.changed else "already as planned"
         if partition.total > partition.done:
-            steps = f"{partition.done} of {counted(partition.total, 'step')}"
-        status = f"{steps} in {show_seconds(partition.took)}" if partition.changed else f"{steps}, already as planned"
-        if self._live is not None and partition.row is not None:
-            self._live.stop_task(partition.row)
-            self._live.update(partition.row, status="done" if partition.changed else "already as planned", refresh=True)
-        else:
-            self._write(f"  {partition.described}: {status}")
-        del self._partitions[partition.name]
+            steps, took = f"{partition.done} of {partition.total} steps", show_seconds(partition.took)
+        elif partition.total:
+            self._ended += 1
+            number = f"[{self._ended}/{self._known}] "
+        self._write(f"{number}{partition.described}  {steps}  {took}")
 
     def _end_host(self) -> None:
-        for partition in list(self._partitions.values()):
-            if partition.done and self._live is None:
+        for partition in self._partitions.values():
+            if partition.done and partition.done != partition.total:
                 self._end(partition)
         self._partitions.clear()
         if self._live is not None:
-            self._live.stop()
-            self._live = None
+            self._live.hide()
 
 
 def run_text(report: RunReport, following: RecommendedCommand | None = None) -> "RenderableType":

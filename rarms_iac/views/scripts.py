@@ -8,9 +8,9 @@ from rarms_iac.app.scripts import PlanScript
 from rarms_iac.model.commands import APPLY, Wording, prose
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.wording import natural_order
 from rarms_iac.powershell.comparison import Detail, ScriptDifference, StepDifference, TextDifference
 from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text
+from rarms_iac.texts.messages import natural_order
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:

@@ -14,11 +14,12 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose, sentences
 from rarms_iac.model.journal import Closing, PastRun, RunKind
 from rarms_iac.model.outcomes import Achievement
-from rarms_iac.model.quantities import guaranteed, share_of_host, share_of_processors, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.texts.indexes import show_threshold
+from rarms_iac.texts.messages import counted, in_a_row, natural_order
+from rarms_iac.texts.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.views.changes import TITLES, members_of, name_findings
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled
 from rarms_iac.views.table import Column, Row, Table

@@ -11,7 +11,7 @@ from itertools import compress, zip_longest
 from math import isfinite
 from typing import TYPE_CHECKING, Protocol, TypeAlias, Union
 
-from rarms_iac.model.quantities import plain
+from rarms_iac.texts.quantities import plain
 from rarms_iac.views.console import STRONG, Harmless, columns, indented, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -247,19 +247,23 @@ class LiveRow(Protocol):
 
 
 def cut_row(row: Sequence[str], width: int) -> Sequence[str]:
-    """Cut the last cell of what runs to what the line has left, so that it stays one line while it changes.
+    """Cut a row to one line, so that it stays one line while it changes.
 
-    Returns:
-        The row; as it is where less than a third of the line is left for the last cell.
+    The last cell is cut to the rest of the line. If less than a third of the line is left, the first cell is cut too.
     """
-    *others, last = row
-    taken = sum(columns(cell) + 2 for cell in others)
-    space = width - taken
-    if columns(last) <= space or space < width // 3:
-        return row
-    while columns(last) > space - 3:
-        last = last[:-1]
-    return (*others, f"{last}...")
+    first, *others = row
+    between = sum(columns(cell) + 2 for cell in others[:-1]) + 2
+    last = others.pop()
+    first = _cut(first, width - between - min(columns(last), width // 3))
+    return (first, *others, _cut(last, width - between - columns(first)))
+
+
+def _cut(cell: str, width: int) -> str:
+    if columns(cell) <= width:
+        return cell
+    while cell and columns(cell) > width - 3:
+        cell = cell[:-1]
+    return f"{cell}..."
 
 
 class LiveLine:

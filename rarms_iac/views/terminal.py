@@ -16,7 +16,7 @@ from rarms_iac.model.commands import Prose, Wording
 from rarms_iac.views.console import plain_text, spell_out_hidden, visible
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
 
     from rarms_iac.views.table import LiveLine
 
@@ -134,18 +134,13 @@ class Terminal:
         self.talk(text)
         self.err = flush_stream(self.err)
 
-    def live(self) -> "Console":
-        """Return a console on standard error for what is updated in place; only where `lively`."""
-        from rarms_iac.views.console import live_console
-
-        return live_console(self.err, self.width, colour=self.talk_colour)
-
     def live_line(self) -> "LiveLine | None":
         """Return the command's one table that is updated in place; None where standard error is not a terminal."""
         if self.lively and self._live_line is None:
+            from rarms_iac.views.console import live_console
             from rarms_iac.views.table import LiveLine
 
-            self._live_line = LiveLine(self.live())
+            self._live_line = LiveLine(live_console(self.err, self.width, colour=self.talk_colour))
         return self._live_line
 
     def status(self, text: str) -> None:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_processors
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.planner.combining.candidates import ASSUMED
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
-from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
+from rarms_iac.planner.combining.oracle import Coi, Members, SilentReporter
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_lp_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 
@@ -25,11 +26,11 @@ class TuningProgress(SilentReporter):
     def __init__(self, say: Callable[["RenderableType"], None]) -> None:
         self._say = say
         self._compounds = 0
-        self._answers: list[Answer] = []  # of the compound that is asked for now
+        self._answers: list[TrailSetting] = []  # of the compound that is asked for now
 
-    def setting_answered(self, answer: Answer) -> None:
+    def setting_answered(self, answer: TrailSetting) -> None:
         """Write the compound before, once another one is asked for."""
-        if self._answers and self._answers[-1].members != answer.members:
+        if self._answers and self._answers[-1].components != answer.components:
             self.ended()
         self._answers.append(answer)
 
@@ -53,18 +54,18 @@ class TuningProgress(SilentReporter):
         self._say(paragraph(f"Combined: {names}, {separate} apart and {together} together."))
 
 
-def compound_line(answers: Sequence[Answer]) -> str:
+def compound_line(answers: Sequence[TrailSetting]) -> str:
     """Write the least setting that is enough, or else the highest that is not, and who missed there."""
-    enough = [answer for answer in answers if answer.passed]
+    enough = [answer for answer in answers if answer.met]
     by_reserve = attrgetter("reserve")
     shown = min(enough, key=by_reserve) if enough else max(answers, key=by_reserve)
     amount = show_processors(guaranteed(shown.reserve, shown.processors))
-    return "  ".join(("+".join(shown.members), amount, answer_text(shown)))
+    return "  ".join(("+".join(shown.components), amount, answer_text(shown)))
 
 
-def answer_text(answer: Answer) -> str:
+def answer_text(answer: TrailSetting) -> str:
     """Write whether a setting is enough for the components together; of one that is not, name it."""
-    if answer.passed:
+    if answer.met:
         return "met"
     word, preposition = ("inconclusive", "for") if answer.unresolved else ("missed", "by")
     return f"{word} {preposition} {answer.worse[0]}" if len(answer.worse) == 1 else word

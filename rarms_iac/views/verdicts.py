@@ -12,14 +12,14 @@ from rarms_iac.measuring.prove import ProveOutcome, ProveRequest, continue_comma
 from rarms_iac.model.commands import DRIFT, MEASURE, Prose, Wording, prose
 from rarms_iac.model.indexes import PerformanceIndex, index_named
 from rarms_iac.model.outcomes import Achievement, Condition, RareRuns, RareSlowJobs, VerdictWord, verdict_word
-from rarms_iac.model.quantities import show_number, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, HeardMessages, SkippedLines
 from rarms_iac.model.setting import join_heard, join_skipped
 from rarms_iac.model.system import AtMost, Component, Threshold, run_of
-from rarms_iac.model.wording import counted, in_a_row, list_names, natural_order
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.statistics.distributions import describe_errors
-from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.indexes import short_name, show_value
+from rarms_iac.texts.messages import counted, in_a_row, list_names, natural_order
+from rarms_iac.texts.quantities import show_number, show_processors
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 
@@ -82,7 +82,7 @@ def show_bound(index: PerformanceIndex, threshold: Threshold) -> str:
 
 def short_bound(index: PerformanceIndex, threshold: Threshold) -> str:
     """Write as `p95 <= 100 ms` or `success_rate >= 99 %`, short enough for a table."""
-    return f"{index.name.removesuffix('_response_time')} {show_bound(index, threshold)}"
+    return f"{short_name(index)} {show_bound(index, threshold)}"
 
 
 def share_of_threshold(value: float, threshold: Threshold) -> float:

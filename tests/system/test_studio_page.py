@@ -731,7 +731,7 @@ def test_commands_name_manifest_that_studio_was_started_with(browser: "WebDriver
             browser, "return document.querySelector('details .edit:not([hidden]) .follows')?.textContent"
         )
         assert re.match(r'rarms select \w+ --at "[\d.]+ ms" -f cell\n', follows)
-        assert "headroom of onboard: " in follows, "all its levels together fit"
+        assert "Headroom of onboard: " in follows, "all its levels together fit"
 
 
 def test_plan_of_changed_manifest_shows_no_command(browser: "WebDriver", tmp_path: Path) -> None:

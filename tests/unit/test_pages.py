@@ -9,9 +9,9 @@ import pytest
 
 import rarms_iac
 from rarms_iac.manifest.checks.violation import CHECKS
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.quantities import Percent, ShareOfHost
 from rarms_iac.storage.shipped import finding_page, known_codes, severity_line, shipped
+from rarms_iac.texts.findings import Finding
 from scripts.findings_index import index_of_pages
 from tests import builders
 

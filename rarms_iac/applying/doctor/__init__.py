@@ -9,8 +9,9 @@ from dataclasses import replace
 
 from rarms_iac.applying.doctor import machines, windows
 from rarms_iac.diff.compare import foreign_marks
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Place, in_order
 from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.texts.findings import Finding
 
 CHECKS: tuple[Callable[[SeenHost], Iterator[Diagnostic]], ...] = (
     windows.check_hypervisor,

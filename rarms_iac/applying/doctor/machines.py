@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Given
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, ProcessorKind, RunState, Tie
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.texts.findings import Finding, Given
+from rarms_iac.texts.messages import counted, in_a_row
 
 UNFIT_MACHINE = Finding.warning("RARMS245", "A machine may fail to start, stop or be measured")
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")

@@ -4,13 +4,14 @@ from collections.abc import Iterator
 
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.commands import APPLY, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
-from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.seen_host import PolicyScope, SeenHost
 from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
-from rarms_iac.model.wording import in_a_row, quoted
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import in_a_row, quoted
+from rarms_iac.texts.quantities import show_bytes
 
 LACKS = Finding.error("RARMS233", "The host does not meet the requirements of rarms")
 

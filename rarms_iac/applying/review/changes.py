@@ -8,7 +8,7 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Change, Delete, Update
 from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
-from rarms_iac.model.diagnostics import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME, Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
 from rarms_iac.model.state import Partition, StartAction, Tie
@@ -17,6 +17,7 @@ from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.mechanism import has_switch, takes_image
 from rarms_iac.planner.sizes import limit_in_manifest
+from rarms_iac.texts.findings import GENERATION, MAY_NOT_CHANGE, UNKNOWN_NAME, Finding
 from rarms_iac.texts.messages import suggestion
 
 RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")

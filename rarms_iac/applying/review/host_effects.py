@@ -11,19 +11,21 @@ from rarms_iac.model.capacity import packs_by_first_fit
 from rarms_iac.model.changes import Change
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import NEIGHBOURS, NO_ORDER, Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.quantities import guaranteed, show_amount, show_bytes, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import Partition, PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
-from rarms_iac.model.wording import counted, in_a_row, list_names
 from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import is_larger_than_node
 from rarms_iac.planner.sizes import OPEN, limit_in_manifest
+from rarms_iac.texts.findings import NEIGHBOURS, NO_ORDER, Finding
+from rarms_iac.texts.messages import counted, in_a_row, list_names
+from rarms_iac.texts.quantities import show_amount, show_bytes, show_processors
 
 NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 

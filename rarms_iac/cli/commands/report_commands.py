@@ -20,8 +20,8 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.writing import replace as replace_file
+from rarms_iac.texts.messages import quoted
 from rarms_iac.views.graph import candidates_table, candidates_text, graph_text
 from rarms_iac.views.json_output import json_of
 

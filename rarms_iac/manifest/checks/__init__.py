@@ -14,8 +14,9 @@ from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors  # noqa: F401 - each adds its checks
 from rarms_iac.manifest.checks.violation import CHECKS
 from rarms_iac.manifest.overlays import UNKNOWN_NAME
-from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Places, in_order, remainder
+from rarms_iac.model.diagnostics import Diagnostic, Places, in_order
 from rarms_iac.model.system import System
+from rarms_iac.texts.findings import MOST_OF_A_KIND, remainder
 
 CODES = frozenset(finding.code for finding in (*(finding for finding, _ in CHECKS), *ABOUT_ACCEPTANCES, UNKNOWN_NAME))
 """The codes of findings about a manifest and its overlays: another command may need an acceptance of another code."""

@@ -7,7 +7,11 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.violation import Violation, allowed_hosts, check, component_check, host_check, violation
-from rarms_iac.model.diagnostics import (
+from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
+from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
+from rarms_iac.model.quantities import in_processors
+from rarms_iac.model.system import Component, RunsOn, System
+from rarms_iac.texts.findings import (
     GENERATION,
     NO_EFFECT,
     NO_RESPONSIVENESS,
@@ -16,11 +20,8 @@ from rarms_iac.model.diagnostics import (
     WRONG_VALUE,
     Finding,
 )
-from rarms_iac.model.host import Host, HypervHost, ProviderKind, WinRmConnect
-from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
-from rarms_iac.model.quantities import in_processors, show_processors, write_bytes
-from rarms_iac.model.system import Component, RunsOn, System
-from rarms_iac.model.wording import quoted
+from rarms_iac.texts.messages import quoted
+from rarms_iac.texts.quantities import show_processors, write_bytes
 
 TOO_LITTLE = Finding.warning("RARMS058", "Too little memory or processor time for components")
 

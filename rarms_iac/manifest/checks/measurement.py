@@ -7,18 +7,18 @@ from typing import Any
 
 from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
 from rarms_iac.model.commands import Prose, RecommendedCommand, command, prose
-from rarms_iac.model.diagnostics import MISSING, WRONG_VALUE, Finding
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
 from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
-from rarms_iac.model.quantities import show_milliseconds, show_processors
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.distributions import samples_needed
 from rarms_iac.statistics.steady_state import least_setting_ms
+from rarms_iac.texts.findings import MISSING, WRONG_VALUE, Finding
 from rarms_iac.texts.messages import Suggestions
+from rarms_iac.texts.quantities import show_milliseconds, show_processors
 
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than a setting allows")
 

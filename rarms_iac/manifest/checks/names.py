@@ -14,7 +14,6 @@ from rarms_iac.manifest.checks.violation import (
     violation,
 )
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import CLASS_ORDER, OTHER_VERSION, UNKNOWN_NAME, Finding
 from rarms_iac.model.host import LinuxHost
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -22,8 +21,8 @@ from rarms_iac.model.names import POWERSHELL_MEMBERS, ROBOTIC_TASKS, WINDOWS_DEV
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.system import Component, System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES
-from rarms_iac.texts.messages import Suggestions
+from rarms_iac.texts.findings import CLASS_ORDER, OTHER_VERSION, UNKNOWN_NAME, Finding
+from rarms_iac.texts.messages import MOST_NAMES, Suggestions
 
 NOT_USED = Finding.note("RARMS086", "An entry is not used")
 

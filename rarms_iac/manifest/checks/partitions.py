@@ -18,11 +18,12 @@ from rarms_iac.manifest.checks.violation import (
     partition_of_component,
     violation,
 )
-from rarms_iac.model.diagnostics import OVER_HOST, WRONG_VALUE, Finding
 from rarms_iac.model.host import Host
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, write_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory
 from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
-from rarms_iac.model.wording import list_names, list_others
+from rarms_iac.texts.findings import OVER_HOST, WRONG_VALUE, Finding
+from rarms_iac.texts.messages import list_names, list_others
+from rarms_iac.texts.quantities import write_bytes
 
 ON_HOST = Finding.error("RARMS046", "A component that runs on the host has partition settings")
 

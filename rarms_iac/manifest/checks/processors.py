@@ -17,7 +17,6 @@ from rarms_iac.manifest.checks.violation import (
     partition_check,
     violation,
 )
-from rarms_iac.model.diagnostics import CLASS_ORDER, NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE, Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
     CpuAmount,
@@ -27,8 +26,6 @@ from rarms_iac.model.quantities import (
     guaranteed,
     in_processors,
     per_virtual_processor,
-    show_amount,
-    show_processors,
 )
 from rarms_iac.model.system import (
     MOST_WEIGHT,
@@ -42,7 +39,9 @@ from rarms_iac.model.system import (
     System,
     weight_of_criticality,
 )
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.texts.findings import CLASS_ORDER, NO_EFFECT, OVER_HOST, ROUNDED, UNUSABLE_RESERVE, Finding
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_amount, show_processors
 
 
 @check(NO_EFFECT)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Given, Place, Places, Related
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.names import ROBOTIC_TASKS
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
@@ -18,6 +18,7 @@ from rarms_iac.model.system import (
     TaskRequest,
     bound_together,
 )
+from rarms_iac.texts.findings import Finding, Given
 
 Path = tuple[str | int, ...]
 

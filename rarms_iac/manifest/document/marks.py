@@ -28,13 +28,11 @@ from rarms_iac.model.quantities import (
     ShareOfHost,
     Unit,
     parse_quantity,
-    show_milliseconds,
-    show_percent,
     units_of,
-    write_bytes,
 )
 from rarms_iac.model.system import Threshold
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.texts.messages import in_a_row
+from rarms_iac.texts.quantities import show_milliseconds, show_percent, write_bytes
 
 M = TypeVar("M")
 

@@ -11,12 +11,12 @@ from rarms_iac.manifest.document.marks import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_for, keys_of_map, shape_at
 from rarms_iac.manifest.document.validate_document import NotAManifest, StructureError
 from rarms_iac.manifest.text.tree import dotted
-from rarms_iac.model.diagnostics import MISSING, UNKNOWN_KEY, UNKNOWN_NAME, WRONG_VALUE, Diagnostic, Place, remainder
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.indexes import INDEXES, percentile_index
 from rarms_iac.model.names import NAME_PATTERN, nearest_name
-from rarms_iac.model.quantities import plain
-from rarms_iac.model.wording import in_a_row
-from rarms_iac.texts.messages import did_you_mean, is_invisible, name_character, question
+from rarms_iac.texts.findings import MISSING, UNKNOWN_KEY, UNKNOWN_NAME, WRONG_VALUE, remainder
+from rarms_iac.texts.messages import did_you_mean, in_a_row, is_invisible, name_character, question
+from rarms_iac.texts.quantities import plain
 
 _OTHER_SPELLINGS = {
     "B": ("b",),

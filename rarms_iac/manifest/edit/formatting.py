@@ -11,7 +11,8 @@ from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
 from rarms_iac.manifest.text.events import ParsedText
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.text.tree import place_of_node
-from rarms_iac.model.diagnostics import WRONG_VALUE, Diagnostic, Place, has_errors
+from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
+from rarms_iac.texts.findings import WRONG_VALUE
 
 
 class CannotFormat(ValueError):

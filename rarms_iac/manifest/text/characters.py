@@ -10,9 +10,10 @@ from typing import overload
 from yaml.error import YAMLError
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import NOT_READ, NOT_YAML, Diagnostic, Finding, Place
-from rarms_iac.model.wording import HIDDEN
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.storage.reading import STANDARD_INPUT
+from rarms_iac.texts.findings import NOT_READ, NOT_YAML, Finding
+from rarms_iac.texts.messages import HIDDEN
 
 UNSEEN = Finding.error("RARMS005", "An invisible character")
 BYTE_ORDER_MARK = Finding.note("RARMS006", "The file starts with a byte order mark")

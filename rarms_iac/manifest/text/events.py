@@ -28,8 +28,9 @@ from yaml.events import (
 
 from rarms_iac.manifest.text.characters import Source, UnreadableText, syntax_finding, unseen
 from rarms_iac.manifest.text.tree import ManifestPlaces, Spans, Tree, build_tree, dotted
-from rarms_iac.model.diagnostics import NOT_YAML, Diagnostic, Place, Related
-from rarms_iac.model.wording import HIDDEN
+from rarms_iac.model.diagnostics import Diagnostic, Place, Related
+from rarms_iac.texts.findings import NOT_YAML
+from rarms_iac.texts.messages import HIDDEN
 
 MAX_DEPTH = 32
 MAX_NODES = 400_000

@@ -7,9 +7,10 @@ from pathlib import Path
 from rarms_iac.manifest.text.characters import Source, UnreadableText, check_text, unified
 from rarms_iac.manifest.text.events import ParsedText, read_events
 from rarms_iac.model.commands import INIT, prose
-from rarms_iac.model.diagnostics import NOT_READ, Diagnostic, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.storage.disk import NotRegular
 from rarms_iac.storage.reading import STANDARD_INPUT, TooLarge, read_input
+from rarms_iac.texts.findings import NOT_READ
 from rarms_iac.texts.messages import reason_of
 
 MAX_BYTES = 8 * 2**20

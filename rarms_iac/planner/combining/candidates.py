@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members, leader, processors_of, total
+from rarms_iac.planner.combining.oracle import Coi, Members, leader, processors_of, total
 from rarms_iac.planner.combining.paper import Sharing
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -178,7 +179,7 @@ def _sharing_graph(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
     return graph
 
 
-def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
+def informed(candidates: Candidates, answers: Iterable[TrailSetting]) -> Candidates:
     """Narrow the candidates' intervals by these answers.
 
     A failed setting raises the lower end of the compound and of every compound that contains it. Where answers
@@ -193,8 +194,8 @@ def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
     """
     own: dict[Members, tuple[list[int], list[int]]] = {}
     for answer in answers:
-        passed, failed = own.setdefault(answer.members, ([], []))
-        (passed if answer.passed else failed).append(answer.reserve)
+        passed, failed = own.setdefault(answer.components, ([], []))
+        (passed if answer.met else failed).append(answer.reserve)
     by_members = {candidate.coi.members: candidate for candidate in candidates.by_mask.values()}
     answered = {
         by_members[members].mask: _own(by_members[members], passed, failed)

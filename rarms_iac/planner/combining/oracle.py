@@ -9,8 +9,9 @@ from rarms_iac.model.experiment import together
 from rarms_iac.model.host import Host
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, ReservationSource, names_of
-from rarms_iac.planner.verdicts import MeasuredTogether
+from rarms_iac.planner.verdicts import MeasuredTogether, with_curves
 from rarms_iac.statistics.curves import highest_missed
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 Members = tuple[str, ...]
 """Components together in one partition, by name."""
@@ -53,23 +54,6 @@ class Coi:
 def processors_of(parts: Sequence[Coi]) -> int:
     """Return the virtual processors of the compound of these CoIs: those of its parts together, at most the host's."""
     return together([part.processors for part in parts], parts[0].host_lp)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """A setting that was asked for, with its answer."""
-
-    members: Members
-    reserve: int  # CR: per cent of P1's own VPs
-    worse: tuple[str, ...]  # members that were not shown to meet every APT there, by name
-    unresolved: bool = False  # none of these was shown to miss one: this may yet be enough
-    predicted: int | None = None  # the CR that was expected to do when it was asked; None: nothing was
-    processors: int = 1  # P1's VPs
-
-    @property
-    def passed(self) -> bool:
-        """Whether every APT of every member is met."""
-        return not self.worse
 
 
 def union(coi: Coi, other: Coi) -> Members:
@@ -163,7 +147,7 @@ class Consent(Protocol):
 class PlannerReporter(Protocol):
     """Receives each step of combining as it happens; must not raise."""
 
-    def setting_answered(self, answer: Answer) -> None:
+    def setting_answered(self, answer: TrailSetting) -> None:
         """Take note that the oracle answered this question.
 
         Args:
@@ -189,7 +173,7 @@ class PlannerReporter(Protocol):
 class SilentReporter:
     """Drops all reports."""
 
-    def setting_answered(self, answer: Answer) -> None:
+    def setting_answered(self, answer: TrailSetting) -> None:
         """Do nothing."""
 
     def declined(self, members: Members) -> None:
@@ -236,9 +220,4 @@ def coi_as_measured(
     log = reservations.log(group.members, host)
     if not isinstance(log, MeasuredTogether) or (log.processors, log.least) != (coi.processors, coi.reserve):
         return coi
-    apts = [
-        (log.curves(member.name, index), threshold)
-        for member in group.members
-        for index, threshold in member.apt.items()
-    ]
-    return replace(coi, missed=highest_missed(apts))
+    return replace(coi, missed=highest_missed(with_curves(group.members, log.curves)))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
     Always,
-    Answer,
     Coi,
     Consent,
     Members,
@@ -18,6 +17,7 @@ from rarms_iac.planner.combining.oracle import (
     total,
     union,
 )
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 SUCCESSFUL = "successful"
 UNABLE = "Unable to reduce total CPU reservation by combining CoIs"
@@ -38,7 +38,7 @@ class Inquiry:
     consent: Consent = field(default_factory=Always)
     may_share: Sharing = lambda _members: True
 
-    def ask(self, members: Members, reserve: int, predicted: int | None = None) -> Answer:
+    def ask(self, members: Members, reserve: int, predicted: int | None = None) -> TrailSetting:
         """Ask the oracle about one setting, and tell the reporter what it answered.
 
         Args:
@@ -53,8 +53,8 @@ class Inquiry:
             Unanswered: the oracle has no answer.
         """
         worse = self.oracle.worse(members, reserve)
-        answer = Answer(
-            members=members,
+        answer = TrailSetting(
+            components=members,
             reserve=reserve,
             worse=tuple(sorted(worse)),
             unresolved=bool(worse) and self.oracle.unresolved(members, reserve),
@@ -70,7 +70,7 @@ class PaperTuning:
 
     cois: tuple[Coi, ...]  # as they are now, most critical first
     compounds: tuple[Coi, ...]  # in the order in which they were made
-    trail: tuple[Answer, ...]
+    trail: tuple[TrailSetting, ...]
     needed: bool  # False: all fitted, and there was nothing to do
 
     @property
@@ -100,7 +100,7 @@ def tune_performance_to_use_less_resource(
     Raises:
         Unanswered: the oracle has no answer.
     """
-    trail: list[Answer] = []
+    trail: list[TrailSetting] = []
     made: list[Coi] = []
     now = ordered(cois)
     needed = not fits(now)
@@ -124,7 +124,7 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
 
 
 def combine_components(
-    cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]
+    cois: Sequence[Coi], inquiry: Inquiry, trail: list[TrailSetting]
 ) -> tuple[Coi, tuple[Coi, Coi]] | None:
     """Apply CombineComponents: combine the least critical one with the next possible one.
 
@@ -151,7 +151,7 @@ def combine_components(
     return None
 
 
-def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer]) -> Coi | None:
+def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[TrailSetting]) -> Coi | None:
     """Try one pair, first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
     members, processors = union(*pair), processors_of(pair)
@@ -168,6 +168,6 @@ def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer])
     for reserve in range(STEP, WHOLE + 1, STEP):
         answer = inquiry.ask(members, reserve)
         trail.append(answer)
-        if answer.passed:
+        if answer.met:
             return replace(leader(pair), members=members, processors=processors, reserve=reserve, missed=None)
     return None

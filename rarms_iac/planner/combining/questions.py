@@ -17,9 +17,10 @@ from rarms_iac.planner.combining.candidates import (
     informed,
 )
 from rarms_iac.planner.combining.layouts import LayoutChoice, Objective, best_layout, cois_of
-from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
+from rarms_iac.planner.combining.oracle import WHOLE, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry, Sharing, ordered
 from rarms_iac.planner.prediction import Predict, unpredicted
+from rarms_iac.storage.datalog.decisions import TrailSetting, UnprovedNeed
 
 BELOW = 2
 """Points below a prediction at which the first question is asked: the prediction is rounded up, and a miss there rules
@@ -37,15 +38,6 @@ class NextSetting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """A compound that may need less than it was taken to need: at the settings between, its samples could not tell."""
-
-    members: Members
-    shown: int  # whole per cent of each of its processors that it needs at least, as was shown
-    unresolved: int  # the highest CR that was not enough, and not shown to be too little
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
     """The best layout, its compounds at their measured least reservations."""
 
@@ -53,7 +45,7 @@ class Best:
     total: int  # in per cent of one logical processor
     contradictions: tuple[Contradiction, ...]  # answers that contradict the assumption: with any, nothing is proved
     complete: bool  # whether every layout was considered
-    doubts: tuple[Doubt, ...] = ()  # compounds of a layout that may yet be better: with any, nothing is proved
+    doubts: tuple[UnprovedNeed, ...] = ()  # compounds of a layout that may yet be better: with any, nothing is proved
 
     @property
     def proved(self) -> bool:
@@ -67,7 +59,7 @@ class NothingFits:
 
     contradictions: tuple[Contradiction, ...]
     complete: bool
-    doubts: tuple[Doubt, ...] = ()  # compounds of a layout that may yet fit: with any, nothing is proved
+    doubts: tuple[UnprovedNeed, ...] = ()  # compounds of a layout that may yet fit: with any, nothing is proved
 
     @property
     def proved(self) -> bool:
@@ -115,7 +107,7 @@ def tuning_of(
     return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
 
 
-def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
+def next_decision(tuning: Tuning, answers: Sequence[TrailSetting]) -> Decision:
     """Say what to ask after these answers, or give the result.
 
     Take the layout that would be best if every compound needed as little as is still possible. If all its compounds are
@@ -170,7 +162,7 @@ def expected(candidate: Candidate, predict: Predict) -> int | None:
     return max(candidate.low, predicted if candidate.passed is None else min(predicted, candidate.passed))
 
 
-def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice, answers: Sequence[Answer]) -> Best:
+def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice, answers: Sequence[TrailSetting]) -> Best:
     return Best(
         cois=ordered(cois_of(candidates, best.blocks)),
         total=best.total,
@@ -181,8 +173,8 @@ def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice, answers: S
 
 
 def _doubts(
-    tuning: Tuning, known: Candidates, answers: Sequence[Answer], best: LayoutChoice | None
-) -> tuple[Doubt, ...]:
+    tuning: Tuning, known: Candidates, answers: Sequence[TrailSetting], best: LayoutChoice | None
+) -> tuple[UnprovedNeed, ...]:
     """Return the compounds by which another layout may be better, or fit at all, if unresolved settings are enough.
 
     A proof needs lower ends that were shown: each other compound is taken at what it needs by settings that were
@@ -199,10 +191,10 @@ def _doubts(
     parts = [taken[mask].coi.members for mask in other.blocks if mask not in own]
     unresolved: dict[Members, int] = {}
     for answer in answers:
-        if answer.unresolved and any(set(answer.members) <= set(members) for members in parts):
-            unresolved[answer.members] = max(answer.reserve, unresolved.get(answer.members, 0))
+        if answer.unresolved and any(set(answer.components) <= set(members) for members in parts):
+            unresolved[answer.components] = max(answer.reserve, unresolved.get(answer.components, 0))
     return tuple(
-        Doubt(members=members, shown=by_members[members].low, unresolved=reserve)
+        UnprovedNeed(components=members, shown=by_members[members].low, unresolved=reserve)
         for members, reserve in sorted(unresolved.items())
         if members in by_members
     )
@@ -221,8 +213,8 @@ def _needs_no_other_coi(tuning: Tuning, best: LayoutChoice) -> bool:
 
 
 def search(
-    tuning: Tuning, inquiry: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
-) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
+    tuning: Tuning, inquiry: Inquiry, answers: Sequence[TrailSetting] = (), recorded: Sequence[TrailSetting] = ()
+) -> tuple[Best | NothingFits, tuple[TrailSetting, ...]]:
     """Repeat NextSetting until the answer is there; answered questions are not asked again.
 
     A combination that a user declines is left out; since a layout with it may be better, nothing is proved then. A
@@ -241,12 +233,12 @@ def search(
         Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
     """
     trail = list(answers)
-    consented: set[Members] = {answer.members for answer in trail}
+    consented: set[Members] = {answer.components for answer in trail}
     while True:
         decision = next_decision(tuning, trail)
         if not isinstance(decision, NextSetting):
-            counted = {(answer.members, answer.reserve) for answer in trail}
-            not_counted = [answer for answer in recorded if (answer.members, answer.reserve) not in counted]
+            counted = {(answer.components, answer.reserve) for answer in trail}
+            not_counted = [answer for answer in recorded if (answer.components, answer.reserve) not in counted]
             if not not_counted:
                 return decision, tuple(trail)
             for answer in not_counted:

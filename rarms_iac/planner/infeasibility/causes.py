@@ -7,10 +7,8 @@ from typing import assert_never
 
 from rarms_iac.model.claims import Claim, load_of
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.layout import Infeasible
-from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.wording import list_names, natural_order, quoted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.infeasibility.conflict import (
     NODES_FOR_CHANGES,
@@ -31,7 +29,9 @@ from rarms_iac.planner.packing.pack import can_pack, find_packing
 from rarms_iac.planner.packing.values import Bin, Item, free_on, is_move, least_cost, least_memory
 from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.totals import hosts_without_layout
-from rarms_iac.texts.messages import number
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import list_names, natural_order, number, quoted
+from rarms_iac.texts.quantities import show_bytes, show_lp_percent, show_processors
 
 _MOVES = "moves"
 """The part of the search that looks for partitions that have to move."""

@@ -11,8 +11,7 @@ from enum import Enum
 from itertools import accumulate
 
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
-from rarms_iac.model.wording import counted, in_a_row, natural_order
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed
 from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, least_cost, least_memory
@@ -20,6 +19,8 @@ from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.sizes import wanted_reserve
 from rarms_iac.planner.verdicts import NotMeasured
+from rarms_iac.texts.messages import counted, in_a_row, natural_order
+from rarms_iac.texts.quantities import show_processors
 
 NODES_FOR_A_CONFLICT = 50
 """Solver nodes of the search for a smallest conflict."""

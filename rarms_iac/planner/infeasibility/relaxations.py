@@ -12,21 +12,9 @@ from rarms_iac.model.experiment import ProcessorSource
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import RelaxedLevel
-from rarms_iac.model.quantities import (
-    CpuAmount,
-    LogicalProcessors,
-    Percent,
-    ProcessorTime,
-    ShareOfHost,
-    guaranteed,
-    show_amount,
-    show_lp_percent,
-    show_processors,
-    write_bytes,
-)
+from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost, guaranteed
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import AtLeast, Component, CpuRequest, Measured, PartitionRequest, Threshold
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
@@ -37,6 +25,8 @@ from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_lo
 from rarms_iac.planner.verdicts import MeasuredTogether
 from rarms_iac.statistics.curves import holds, tightest_threshold
 from rarms_iac.texts.indexes import show_threshold, show_value
+from rarms_iac.texts.messages import in_a_row, natural_order
+from rarms_iac.texts.quantities import show_amount, show_lp_percent, show_processors, write_bytes
 
 MORE_PROCESSORS = 8
 _MIB = 2**20

@@ -6,7 +6,6 @@ from functools import partial
 from itertools import chain, islice, zip_longest
 
 from rarms_iac.model.layout import Relaxation, RelaxationKind
-from rarms_iac.model.wording import in_a_row, natural_order
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, VariantPlanner, smallest_edits
 from rarms_iac.planner.infeasibility.relaxations import (
@@ -19,6 +18,7 @@ from rarms_iac.planner.infeasibility.relaxations import (
     reserve_relaxations,
 )
 from rarms_iac.planner.problem import Problem
+from rarms_iac.texts.messages import in_a_row, natural_order
 
 MOST_WAYS_OUT = 4
 """More ways out than these are not read; and no more relaxations of a kind are tried alone."""

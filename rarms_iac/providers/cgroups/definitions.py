@@ -15,11 +15,10 @@ from typing import Literal
 
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.commands import APPLY, START_AT_BOOT, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host
 from rarms_iac.model.operations import CreatePartition, RestorePartition
 from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RunState, State
-from rarms_iac.model.wording import counted
 from rarms_iac.providers.cgroups.effects import LinuxEffects, open_folder
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
 from rarms_iac.providers.cgroups.machine import NAMESPACE
@@ -37,6 +36,8 @@ from rarms_iac.running.kernel_files import MOST_PROCESSORS
 from rarms_iac.running.thread_priorities import rules_of
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.json_text import parse_json
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.messages import counted
 
 LONGEST_NAME = 100
 _SHORTEST_PERIOD_US, _LONGEST_PERIOD_US = 1_000, 1_000_000

@@ -20,8 +20,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import ALL_PARTITIONS, LOAD_PARTITIONS, P1, PlatformFacts, SettingEvidence
-from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.setting import ALL_PARTITIONS, LOAD_PARTITIONS, P1, MachineSpeed, PlatformFacts, SettingEvidence
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.task_classes import ClassValues, thread_rules

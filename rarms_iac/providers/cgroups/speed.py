@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.setting import MachineSpeed
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.running.kernel_files import processor_list, whole_number
 

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.model.diagnostics import DAMAGED, ROUNDED, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.seen_host import Condition, PolicyScope
 from rarms_iac.model.state import Rights
-from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.observation import HostObservation, ObservedMachine, Unread, is_unread, or_else
 from rarms_iac.providers.hyperv.parse import (
     JOURNAL,
@@ -16,6 +15,8 @@ from rarms_iac.providers.hyperv.parse import (
     rights_of,
 )
 from rarms_iac.providers.interface import HostFailed
+from rarms_iac.texts.findings import DAMAGED, ROUNDED
+from rarms_iac.texts.messages import quoted
 
 NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
 

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Sample, SkippedLines
 from rarms_iac.model.setting import SettingEvidence
@@ -14,6 +13,7 @@ from rarms_iac.providers.measuring import RemainingSamples, Work
 from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader, describe_no_sample, skip_line
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.json_text import parse_json
+from rarms_iac.texts.quantities import show_milliseconds
 
 TICKS_MS = 10_000.0
 """Of 100 ns, in which runners and the hypervisor count, to a millisecond."""

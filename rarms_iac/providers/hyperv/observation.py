@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union
 from rarms_iac.storage.json_text import parse_json
+from rarms_iac.texts.messages import quoted
 
 FORMAT = "rarms-observation/1"
 

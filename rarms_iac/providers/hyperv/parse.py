@@ -33,7 +33,6 @@ from rarms_iac.model.state import (
     Tie,
     ValueKind,
 )
-from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     HypervisorFacts,
@@ -52,6 +51,7 @@ from rarms_iac.providers.machines import with_marks
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.records import Damaged, records_in
+from rarms_iac.texts.messages import quoted
 
 _NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")

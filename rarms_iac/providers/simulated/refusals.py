@@ -25,11 +25,12 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
     WriteTaskRecord,
 )
-from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, Bytes, LogicalProcessors, write_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, Bytes, LogicalProcessors
 from rarms_iac.model.state import HostFacts, PartitionSettings, RegistryValue, Rights, RunState, TaskRecord, ValueKind
 from rarms_iac.providers.journaled import PLAN_AGAIN
 from rarms_iac.providers.machines import cpu_out_of_range, lack_of_memory, lack_of_processors
 from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine
+from rarms_iac.texts.quantities import write_bytes
 
 LONGEST_NAME = 100
 """Characters of a machine's name (windows.md 10)."""

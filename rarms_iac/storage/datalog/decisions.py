@@ -17,11 +17,11 @@ from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.setting import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.system import Threshold
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, decode_union
 from rarms_iac.storage.datalog.files import TUNING, append_to_log, decoded_records
 from rarms_iac.storage.disk import MEASUREMENTS
 from rarms_iac.storage.records import LogLine, iterate_log
+from rarms_iac.texts.messages import quoted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,13 +154,14 @@ class TunedPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrailSetting:
-    """A setting that was asked for."""
+    """A setting that was asked for, with its answer."""
 
     components: tuple[str, ...]
     reserve: int  # CR
     worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
     unresolved: bool = False  # it was not enough, and not shown to be too little
     predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
+    processors: Internal[int] = 1  # P1's VPs, which the CR is per cent of
 
     @output
     def met(self) -> bool:

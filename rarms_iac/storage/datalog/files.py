@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
-from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_range, sample_numbers
 from rarms_iac.storage.datalog.identity import header_digest
 from rarms_iac.storage.datalog.log import FORMAT, Header, LogFile, LogRecord, Recorded, Remeasurement, as_recorded
 from rarms_iac.storage.disk import MEASUREMENTS, make_folders
 from rarms_iac.storage.records import Damaged, LogLine, iterate_log, sealed_line
 from rarms_iac.storage.writing import append_lines
+from rarms_iac.texts.messages import quoted
 
 T = TypeVar("T")
 

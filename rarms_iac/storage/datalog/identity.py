@@ -16,17 +16,27 @@ from typing import Any, TypeVar, get_type_hints
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.keys import Key
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, write_bytes
-from rarms_iac.model.setting import CONFINEMENT, EnvironmentSetup, PlatformFacts
+from rarms_iac.model.quantities import Bytes, Milliseconds, Percent
+from rarms_iac.model.setting import P2_WEIGHT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import DataLog, Header, Identity, LogFile
 from rarms_iac.storage.json_text import canonical, digest, short
+from rarms_iac.texts.quantities import write_bytes
 
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""
 
 VARIABLE = "variable "
 """What the part of a variable begins with that setup files change, among the interpreters; its name follows."""
+
+CONFINEMENT = f"P2 reserves the rest, with the weight {P2_WEIGHT}"
+"""How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
+
+GROUP_CONFINEMENT = "the weights of the control groups P1 and P2 are their reservations; P2 reserves the rest"
+"""How P1 is held to CR on Linux, where weight with a reserve has no meaning."""
+
+ATTACHED_CONFINEMENT = "a quota limits the component to its CR; P2 reserves the rest"
+"""How a component that runs already is held to CR (`run.attach`)."""
 
 PROCESSORS = "processors"
 """The part that only a manifest has which fixes them."""

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.diagnostics import Diagnostic, Sources
-from rarms_iac.model.quantities import guaranteed, show_processors
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.statistics.distributions import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
+from rarms_iac.texts.quantities import show_processors
 from rarms_iac.views.console import command_text, plain_text, visible
 from rarms_iac.views.findings_text import excerpt_text
 from rarms_iac.views.graph import drawing_of

@@ -10,10 +10,9 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
-from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.texts.indexes import show_value
+from rarms_iac.texts.quantities import plain, show_number
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.tables import settings_of
 from rarms_iac.views.status import other_claims_text
@@ -115,8 +114,6 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     """Return the positions of everything in a curve's plot."""
     scale = scale_of(curve)
     threshold = beginning(curve, scale)
-    least = least_reserve([(curve.curve, threshold)])
-    reserve = None if least is None else least
     rows, settings = curve.rows, settings_of(measurement, curve).on_page()
     together = len(measurement.components) > 1
     title = curve.index.name.replace("_", " ")
@@ -129,7 +126,7 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
         start=plain(threshold.value),
         has_apt=curve.threshold is not None,
         line=_y(scale, float(threshold.value)),
-        reserve=reserve,
+        reserve=curve.least_for(threshold),
         ticks=tuple(Tick(at=_y(scale, float(tick)), text=show_number(float(tick))) for tick in scale.ticks()),
         band=_band(rows, scale),
         curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),

@@ -10,7 +10,8 @@ from io import BytesIO, StringIO
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Measurement, Report
-from rarms_iac.model.diagnostics import NOT_DONE, Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.texts.findings import NOT_DONE
 from rarms_iac.views.reports.tables import levels_table, samples_table, settings_table, totals_table, trail_table
 from rarms_iac.views.table import finite
 

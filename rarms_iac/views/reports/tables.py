@@ -19,9 +19,9 @@ from rarms_iac.app.report_model import (
 )
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.outcomes import Achievement, ReservationVerdict
-from rarms_iac.model.quantities import share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.texts.indexes import show_range, show_value
+from rarms_iac.texts.quantities import share_of_processors, show_reserve
 from rarms_iac.views.graph import candidates_table
 from rarms_iac.views.table import Cell, Column, Row, Table, finite
 from rarms_iac.views.tune import partitions_table

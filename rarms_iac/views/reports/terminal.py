@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.commands import prose
 from rarms_iac.model.outcomes import Achievement
-from rarms_iac.model.quantities import show_number
 from rarms_iac.texts.indexes import show_threshold
+from rarms_iac.texts.quantities import show_number
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table, verdict_of

@@ -11,8 +11,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.model.layout import LookedUp
 from rarms_iac.model.seen_host import unseen
-from rarms_iac.model.setting import SettingEvidence
-from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.setting import MachineSpeed, SettingEvidence
 from rarms_iac.model.state import State
 from rarms_iac.planner.measured_conditions import other_governor
 from rarms_iac.storage.datalog.identity import Changed

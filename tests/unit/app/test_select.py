@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -27,9 +28,9 @@ def test_level_is_written_and_reservation_follows(here: Path) -> None:
     assert answer.code == 0, answer.err
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
-        "  partition vision: 1.22 LP, 61 % of its 2 VPs, 61 % of onboard",
-        "  measured there with busy-loop: 105 ms (104.5 to 105.5 ms)",
-        "  headroom of onboard: 0.78 LP of 2 LP",
+        "  partition  reservation                 CR  measured                    load",
+        "  vision         1.22 LP  61 % of its 2 VPs  105 ms (104.5 to 105.5 ms)  busy-loop",
+        "  Headroom of onboard: 0.78 LP of 2 LP.",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")
     (entry,) = read_entries(configuration_path(here, "two-core", "vision"))
@@ -40,7 +41,7 @@ def test_level_is_written_and_reservation_follows(here: Path) -> None:
 
 def test_level_met_by_lowest_setting_advises_lower(here: Path) -> None:
     measure(here, MEANS)
-    hint = "no lower setting was measured with busy-loop: `rarms measure -f"
+    hint = "No lower reservation of vision was measured under busy-loop. `rarms measure -f"
 
     tried = rarms("select", "vision", "--at", "750 ms", "--dry-run", "-f", str(here))
     lowest = rarms("select", "vision", "--at", "750 ms", "-f", str(here))
@@ -93,8 +94,8 @@ def test_missing_load_is_named(here: Path) -> None:
     selected = rarms("select", "vision", "--at", "95 ms", "-f", str(here)).out
     explained = " ".join(rarms("explain", "vision", "-f", str(here)).out.split())
 
-    assert "measured there with busy-loop: 90 ms" in selected
-    assert "no lower setting was measured" not in selected
+    assert re.search(r"90 ms \(.*\)  busy-loop", selected)
+    assert "No lower reservation" not in selected
     assert "load busy-loop needs the most; bursts-20 need no more" in explained
     assert "mean_response_time at 61 % of its 2 VPs 120 ms, at worst " in explained
 
@@ -200,5 +201,5 @@ def test_fixed_reserve_does_not_follow_and_says_so(here: Path) -> None:
     answer = rarms("select", "vision", "--at", "90 ms", "-f", str(here))
 
     assert answer.code == 0
-    assert "fixes its reservation" in answer.out
+    assert "The manifest fixes the reservation." in answer.out
     assert "at_most: 90 ms" in manifest(here)

@@ -15,8 +15,9 @@ from rarms_iac.app.manifests import Validation, load_manifest, sources_in, valid
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Severity, first_of_each_kind
+from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.system import Acceptance, Policy
+from rarms_iac.texts.findings import MOST_OF_A_KIND, Finding, first_of_each_kind
 from tests.builders import PathPlaces
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
@@ -61,8 +62,8 @@ def test_memory_counts_even_if_unmeasured(tmp_path: Path) -> None:
         manifest(tmp_path, component("a", "10 %", "2 GiB"), component("b", "10 %", "1 GiB"), measured("c"))
     )
 
-    assert codes(found.findings) == ["RARMS120", "RARMS101"]
-    assert "3.5 GiB" in found.findings[0].detail
+    assert codes(found.findings) == ["RARMS101", "RARMS120"]
+    assert "3.5 GiB" in found.findings[1].detail
 
 
 def test_what_fits_has_no_findings(tmp_path: Path) -> None:
@@ -111,8 +112,15 @@ def test_unmeasured_reserve_is_a_note(tmp_path: Path) -> None:
     after = validated(file)
 
     assert (codes(before.findings), before.fails(strict=True)) == (["RARMS101"], False)
-    assert "Its host is simulated, so add `simulation: { work: 20 ms }`" in str(before.findings[0].advice)
+    assert "so each component needs `simulation: { work: 20 ms }`" in str(before.findings[0].advice)
     assert codes(after.findings) == ["RARMS107"]
+
+
+def test_unmeasured_reserves_of_a_platform_are_one_note(tmp_path: Path) -> None:
+    (note,) = validated(manifest(tmp_path, measured("vision"), measured("speech"))).findings
+
+    assert (note.code, note.address) == ("RARMS101", "host/onboard")
+    assert note.detail == "Not measured on onboard yet: speech and vision."
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 from rarms_iac.cli.group import COMMANDS, load_command
 from rarms_iac.manifest.load import load_system
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.texts.findings import Finding
 from rarms_iac.views.finding_forms import with_places
 from tests.needs import require
 from tests.unit.cli.running import rarms

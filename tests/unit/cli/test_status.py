@@ -1,6 +1,7 @@
 """`rarms status`, `rarms history` and `rarms simulate change`, and what drift and plan say of an intruder."""
 
 import json
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -144,7 +145,7 @@ def test_intruder_is_told_by_drift_and_by_plan() -> None:
     drift, planned = rarms("drift"), json.loads(rarms("plan", "--json").out)
 
     assert drift.code == 2
-    assert "reserve is 0.22 LP, wanted 0.8 LP" in drift.out
+    assert re.search(r"reserve +0.22 LP +0.8 LP", drift.out)
     outside = [finding["address"] for finding in planned["findings"] if finding["code"] == "RARMS311"]
     assert sorted(outside) == ["partition/speech", "partition/vision"]
     assert "Next: `rarms drift`" in rarms("status").out
@@ -166,7 +167,7 @@ def test_drift_needs_no_data_logs() -> None:
 
     assert (quiet.code, changed.code) == (0, 2)
     assert "The manifest was not compared: RARMS" in quiet.out
-    assert "vision: changed on the host" in changed.out
+    assert re.search("vision +it was changed on the host", changed.out)
 
 
 def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
@@ -223,7 +224,7 @@ def test_infeasible_manifest_is_planned_next() -> None:
 
     assert planned.code == 4
     assert "No layout: RARMS014 (Reservations exceed the platform)." in answer.out
-    assert "Next: `rarms plan` shows why there is no layout, and changes that help." in answer.out
+    assert "Next: `rarms plan` shows why no layout exists, and changes that help." in answer.out
     assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
 
 

@@ -71,8 +71,8 @@ def test_least_critical_stops_first() -> None:
     stopped = rarms("stop", "--auto-approve").err
     started = rarms("start", "--auto-approve").err
 
-    assert stopped.index("  vision: ") < stopped.index("  speech: ")
-    assert started.index("  speech: ") < started.index("  vision: ")
+    assert stopped.index("] vision  ") < stopped.index("] speech  ")
+    assert started.index("] speech  ") < started.index("] vision  ")
 
 
 def test_stopped_partition_takes_changes() -> None:

@@ -10,7 +10,7 @@ from tests.crashing import Crash, CrashingDisk
 from tests.unit.cli.running import Ran, rarms
 from tests.unit.cli.test_status import MANIFEST
 
-RESTORED = "partition/vision: reserve 0.8 -> 0.04 LP (40 -> 2 % of each of 2 processors)"
+RESTORED = "partition/vision reserve 0.8 -> 0.04 LP (40 -> 2 % of each of 2 processors)"
 WARNING = "partition/vision on onboard: rarms did not set reserve 0.04 LP; the last apply set 0.8 LP."
 
 
@@ -67,7 +67,7 @@ def test_keep_leaves_what_the_apply_repaired() -> None:
     kept = rarms("undo", "--keep", "--auto-approve")
 
     assert kept.code == 0
-    assert "partition/vision: stays as applied" in said(kept)
+    assert "partition/vision stays as applied" in said(kept)
     assert "RARMS402" not in kept.err
     assert reserves() == {"vision": "0.8", "speech": "0.4"}
 

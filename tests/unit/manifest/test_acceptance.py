@@ -4,8 +4,9 @@ import pytest
 
 from rarms_iac.manifest.acceptance import apply_acceptances, check_acceptances
 from rarms_iac.manifest.checks import CODES, run_checks
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.system import Acceptance, Policy
+from rarms_iac.texts.findings import Finding
 from tests.builders import PathPlaces, a_component, a_partition, a_system, codes
 
 WARNING = Finding(

@@ -8,14 +8,15 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
-from rarms_iac.measuring.duration import WallTimes, forecast, least_ms, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import WallTimes, describe_settings, least_ms, settings_to_run, with_part_of_budget
 from rarms_iac.measuring.strategies import Method, Search, SettingCount, Sweep
 from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.quantities import ReservePercent, show_duration
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.setting import Setting
 from rarms_iac.model.system import Threshold
+from rarms_iac.texts.quantities import show_duration
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting
 from tests.unit.measuring.bench import Bench
@@ -34,7 +35,7 @@ def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Exp
 def told(experiment: Experiment, *recorded: Setting, method: Method = SEARCH, seconds: Sequence[float] = ()) -> str:
     """What is said of the settings and their time, on a host that is not simulated."""
     real = replace(experiment, host=replace(experiment.host, provider=ProviderKind.LINUX))
-    line = forecast(real, settings_to_run(method, recorded, 100), recorded, seconds, 0.0)
+    line = describe_settings(real, settings_to_run(method, recorded, 100), recorded, seconds, 0.0)
     return line.partition("onboard: ")[2].removesuffix(".")
 
 

@@ -2,7 +2,6 @@
 
 import pytest
 
-from rarms_iac.measuring.message_findings import messages_of_evidence
 from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.series import HeardMessages
 from rarms_iac.model.setting import SettingEvidence, ThreadsSeen
@@ -38,7 +37,7 @@ def test_threads_without_priority_are_named(seen: ThreadsSeen, detail: str, advi
 def test_stamps_of_another_clock_are_named(ahead_ms: float, side: str) -> None:
     heard = HeardMessages(input="/image", inputs=9, ahead_ms=ahead_ms)
 
-    found = list(messages_of_evidence([SettingEvidence(messages={"eyes": heard})], PathPlaces()))
+    found = list(work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces()))
 
     assert [each.code for each in found] == ["RARMS430"] * bool(side)
     assert all(f"the stamps of /image are {side} the clock of this machine" in each.detail for each in found)
@@ -47,6 +46,6 @@ def test_stamps_of_another_clock_are_named(ahead_ms: float, side: str) -> None:
 def test_simulated_time_is_named() -> None:
     heard = HeardMessages(input="/image", inputs=9, ahead_ms=3000.0, simulated_time=True)
 
-    (found,) = messages_of_evidence([SettingEvidence(messages={"eyes": heard})], PathPlaces())
+    (found,) = work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces())
 
     assert (found.code, found.values["component"]) == ("RARMS431", "eyes")

@@ -23,8 +23,7 @@ from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient, Too
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.series import Sample, Series, SkippedLines
-from rarms_iac.model.setting import P1, P2, OutsideWork, Setting, SettingEvidence
-from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.setting import P1, P2, MachineSpeed, OutsideWork, Setting, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
 from rarms_iac.storage.codec import decode, encode
 from rarms_iac.storage.datalog.log import Provenance, Recorded

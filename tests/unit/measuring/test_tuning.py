@@ -115,7 +115,7 @@ def test_declined_combination_tells_its_prediction(here: Path) -> None:
     end = search_combinations(subject, Inquiry(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
 
     assert end.ending == "stopped"
-    assert [trial.members for trial in end.trail] == oracle.asked
+    assert [trial.components for trial in end.trail] == oracle.asked
     assert end.trail[0].predicted is not None
 
 

@@ -11,7 +11,7 @@ from rarms_iac.model.layout import Infeasible, Layout, Placement
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import Component, CpuRequest, Disruption, Policy, RunsOn, System, Threshold
 from rarms_iac.planner import problem as searched
-from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.layout import Planning, gather_unmeasured, plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.problem import problem_of, solve
@@ -213,6 +213,17 @@ def test_unmeasured_has_no_layout() -> None:
     assert misfit(a_system(components=[a_component(reserve="measured")]))[1] == ["RARMS100"]
     assert misfit(a_system(components=[a_component(reserve=None, apt=apt)]))[1] == ["RARMS100"]
     assert layout(a_system(components=[a_component(reserve=None)])).partitions[0].settings.reserve == 0
+
+
+def test_unmeasured_components_are_one_finding() -> None:
+    system = a_system(components=[a_component(name, reserve="measured") for name in ("speech", "vision")])
+    found = planned(system).findings
+
+    (together,) = gather_unmeasured(found)
+
+    assert together.detail == "speech and vision are not measured on onboard yet."
+    assert together.values["components"] == ("speech", "vision")
+    assert gather_unmeasured(found[:1]) == found[:1]
 
 
 def test_impossible_processors_are_told() -> None:

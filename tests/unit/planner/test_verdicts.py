@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.model.commands import command
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.outcomes import Achievement
 from rarms_iac.model.system import Component, PartitionRequest, System, run_of
@@ -16,6 +16,7 @@ from rarms_iac.planner.planning_findings import NOT_VERIFIED, STALE, UNMEASURED
 from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, NotMeasured, decide, not_measured, why_unknown
 from rarms_iac.statistics.curves import Curve, curve_of
+from rarms_iac.texts.findings import Finding
 from tests import builders_measured
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
 from tests.builders_measured import a_series, a_setting

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, literal
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import (
@@ -23,6 +22,7 @@ from rarms_iac.powershell.templates import (
     template_text,
     without_signature,
 )
+from rarms_iac.texts.messages import remark
 from tests.fake_powershell.cell import apply, undo
 from tests.fake_powershell.cells import fresh
 from tests.fake_powershell.compiling import compiled

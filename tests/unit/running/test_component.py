@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Field, FromEnvironment, Run, Samples, Stop, TimeField
 from rarms_iac.model.series import SkippedLines
 from rarms_iac.running.orders import CannotStart, StartContext, SupervisorLost
 from rarms_iac.running.samples import SamplingEnd
+from rarms_iac.texts.quantities import show_milliseconds
 from tests.needs import CHECKOUT, ON_WINDOWS
 from tests.unit.running.programs import (
     JSON_LINES,

@@ -124,11 +124,11 @@ def test_levels_of_a_way_out_go_together(client: Client, folder: Path) -> None:
     way = [{**LEVEL, "component": "speech", "level": "60 ms"}, {**LEVEL, "component": "talk", "level": "70 ms"}]
     for level in way:
         alone = client.post("levels", {"levels": [level]}).data
-        assert "the headroom is not known" in str(alone["text"])
+        assert "The headroom is not known" in str(alone["text"])
 
     shown = client.post("levels", {"levels": way}).data
-    assert "the headroom is not known" not in str(shown["text"])
-    assert str(shown["text"]).count("headroom of onboard") == 1
+    assert "The headroom is not known" not in str(shown["text"])
+    assert str(shown["text"]).count("Headroom of onboard") == 1
     assert all(f"at_most: {level['level']}" in str(shown["difference"]) for level in way)
     (folder / "rarms.yaml").write_text(TIGHT + "# another hand\n", encoding="utf-8", newline="\n")
     late = client.post("levels", {"levels": way, "digest": shown["digest"]})

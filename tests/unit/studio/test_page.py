@@ -14,7 +14,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.status import NextCommand
 from rarms_iac.app.use_case_errors import RequestError
 from rarms_iac.model.commands import command
-from rarms_iac.model.diagnostics import Finding, Place
+from rarms_iac.model.diagnostics import Place
 from rarms_iac.providers.cgroups import provider
 from rarms_iac.studio.actions import Workspace
 from rarms_iac.studio.guard import LOOPBACK, bind
@@ -29,6 +29,7 @@ from rarms_iac.studio.page import (
     page_of,
     render_studio,
 )
+from rarms_iac.texts.findings import Finding
 from rarms_iac.views.table import Column, Table
 from tests.needs import ON_WINDOWS
 from tests.unit.views.reports.test_html import REPORT

@@ -11,17 +11,20 @@ import pytest
 import rarms_iac
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import APPLY, Prose, command, prose, sentences
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.output import Internal, OpenBound, output
-from rarms_iac.model.wording import in_a_row, list_others, natural_order, quoted
 from rarms_iac.storage.codec import encode_output
+from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.messages import (
     MOST_SUGGESTIONS,
     Suggestions,
     did_you_mean,
     distance,
+    in_a_row,
     last_words,
+    list_others,
+    natural_order,
     number,
+    quoted,
     reason_of,
     suggestion,
 )

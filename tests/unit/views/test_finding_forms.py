@@ -10,7 +10,8 @@ from hypothesis import given
 
 from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Findings, Place, Related, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Related, Severity
+from rarms_iac.texts.findings import Finding
 from rarms_iac.views.console import render
 from rarms_iac.views.finding_forms import (
     BadOutput,

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.commands import prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Place, Related, Severity, Sources
 from rarms_iac.storage.shipped import finding_page
+from rarms_iac.texts.findings import Finding
 from rarms_iac.views.console import columns, render, visible
 from rarms_iac.views.findings_text import findings_summary, findings_text, page_text, unknown_code
 

@@ -232,9 +232,7 @@ def test_pipe_hears_of_a_long_setting() -> None:
     for _ in range(3):
         progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
 
-    assert lines == [
-        "vision with busy-loop at 1.24 LP: 50 samples, mean_response_time 98 ms, after 61 s, still running\n"
-    ]
+    assert lines == ["vision with busy-loop at 1.24 LP: 50 samples, mean 98 ms, after 61 s, still running\n"]
 
 
 @pytest.mark.parametrize(
@@ -265,7 +263,7 @@ def test_running_setting_counts_down_by_those_before_it(now: float, text: str) -
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert f"50 samples, mean_response_time 98 ms, {text}" in shown
+    assert f"50 samples, mean 98 ms, {text}" in shown
 
 
 def test_repeated_setting_says_what_it_adds() -> None:
@@ -294,7 +292,7 @@ def test_terminal_sees_the_running_setting() -> None:
     progress.experiment_ended()
 
     assert "vision with busy-loop  1.24 LP  ..." in shown
-    assert "vision with busy-loop  1.24 LP  50 samples, mean_response_time 98 ms, at most 476 s left" in shown
+    assert "vision with busy-loop  1.24 LP  50 samples, mean 98 ms, at most 476 s left" in shown
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from rarms_iac.app.drift import ComparedHost, DriftReport
 from rarms_iac.app.graph import LayoutGraph
@@ -28,6 +27,7 @@ from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import DONE, RunProgress, next_command, run_text, undo_text
 from rarms_iac.views.status import history_text
+from rarms_iac.views.table import LiveLine, LiveRow
 from tests.builders import a_host, the_delivery_robot
 from tests.builders_plan import (
     create,
@@ -79,8 +79,11 @@ def test_drift_says_what_differs_and_who_moved() -> None:
     shown = render(drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED))).splitlines()
 
     assert shown[0] == "Host onboard (2 LP)"
-    assert "  vision [face-detection, vision], 0.8 LP wanted: changed on the host; reserve" in shown
-    assert "      is 1 LP, wanted 0.8 LP" in shown
+    assert shown[1:4] == [
+        "  resource                     state                setting  on the host  wanted",
+        "  vision [face-detection,      changed on the host  reserve         1 LP  0.8 LP",
+        "  vision]",
+    ]
     assert shown[-2:] == [
         "Drift: 1 changed on the host, 1 not applied yet.",
         "Next: `rarms plan` shows the changes that are not applied.",
@@ -193,10 +196,10 @@ def a_start() -> RunStarted:
     )
 
 
-def progress(console: Console | None, *steps: Step, ended: int) -> str:
+def progress(live: LiveRow | None, *steps: Step, ended: int) -> str:
     said: list[str] = []
     times = iter(number / 4 for number in range(100))
-    with RunProgress(said.append, lambda: next(times), console) as reporter:
+    with RunProgress(said.append, lambda: next(times), live) as reporter:
         begun = RunBegun(
             host="onboard",
             run=RunKind.APPLY,
@@ -219,25 +222,23 @@ STEPS = (step(), step(Address(partition="speech")), step(Address(partition="visi
 def test_partition_is_a_line_when_done() -> None:
     assert progress(None, *STEPS, ended=3).splitlines() == [
         "Applying plan 0123456789ab on onboard",
-        "  speech: 1 step in 0.2 s",
-        "  vision [face-detection, stream]: 2 steps in 0.5 s",
+        "[1/2] speech  1 step  0.2 s",
+        "[2/2] vision [face-detection, stream]  2 steps  0.5 s",
         "  onboard printed: <U+001B>[2Jwarning",
     ]
 
 
 def test_early_end_says_progress_by_partition() -> None:
-    assert (
-        progress(None, *STEPS, ended=1).splitlines()[-1] == "  vision [face-detection, stream]: 1 of 2 steps in 0.2 s"
-    )
+    last = progress(None, *STEPS, ended=1).splitlines()[-1]
+
+    assert last == "vision [face-detection, stream]  1 of 2 steps  0.2 s"
 
 
-def test_terminal_updates_line_partition_in_place() -> None:
+def test_terminal_shows_running_step_in_place() -> None:
     stream = io.StringIO()
-    progress(live_console(stream, 80, colour=False), *STEPS, ended=3)
+    progress(LiveLine(live_console(stream, 80, colour=False)), *STEPS, ended=3)
 
-    last = stream.getvalue().split("\x1b[2K")[-1].splitlines()
-    assert last[0].split()[:6] == ["vision", "[face-detection,", "stream]", "2", "steps", "done"]
-    assert last[1].split()[:4] == ["speech", "1", "step", "done"]
+    assert "step 2/3  speech  " in stream.getvalue()
     assert "\x1b[2J" not in stream.getvalue()
 
 
@@ -253,8 +254,9 @@ def test_undo_says_what_comes_back_and_what_stays() -> None:
 
     assert render(undo_text(shown), 120).splitlines() == [
         ("Undo of the apply of plan 0123456789ab on onboard, started by me. The last change is undone first:"),
-        "  partition/vision: reserve 40 -> 70 %",
-        "  partition/old: stays done: remove the machine",
+        "  resource          undo",
+        "  partition/vision  reserve 40 -> 70 %",
+        "  partition/old     stays done: remove the machine",
     ]
 
 

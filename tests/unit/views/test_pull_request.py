@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.diagnostics import Finding, Place, Severity
+from rarms_iac.model.diagnostics import Place, Severity
+from rarms_iac.texts.findings import Finding
 from rarms_iac.views.markdown import LONGEST_COMMENT, failure_comment, findings_markdown, marker
 from tests.needs import require
 from tests.robots import fleet_manifest

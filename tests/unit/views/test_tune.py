@@ -7,7 +7,6 @@ import pytest
 
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
-from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
 from rarms_iac.views.console import render
 from rarms_iac.views.json_output import json_of
@@ -73,7 +72,9 @@ def test_compound_is_a_numbered_line() -> None:
     progress = TuningProgress(lambda text: said.append(render(text)))
 
     for members, reserve, worse in (("ab", 40, "a"), ("ab", 60, ""), ("ab", 45, ""), ("ac", 30, "c"), ("ac", 40, "ac")):
-        answer = Answer(members=tuple(members), reserve=reserve, worse=tuple(worse), predicted=44, processors=2)
+        answer = TrailSetting(
+            components=tuple(members), reserve=reserve, worse=tuple(worse), predicted=44, processors=2
+        )
         progress.setting_answered(answer)
     progress.ended()
 

@@ -66,7 +66,7 @@ def test_beginning_names_the_work_and_its_bound() -> None:
 
     begins = "Measuring 2 components x 2 loads on onboard (simulated)"
     assert describe_work(groups, quick=True) == f"{begins}: about 2 min."
-    assert describe_work(groups, quick=False) == f"{begins}: 2 min to 5 h 22 min."
+    assert describe_work(groups, quick=False) == f"{begins}: 2 min to about 5 h 22 min."
 
 
 def test_line_has_the_value_nearest_to_its_threshold() -> None:

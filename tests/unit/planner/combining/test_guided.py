@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
+from rarms_iac.planner.combining.oracle import Coi, Members, SilentReporter
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.combining.questions import Best, NextSetting, Tuning, next_decision, search, tuning_of
+from rarms_iac.storage.datalog.decisions import TrailSetting
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
 SEEDS = range(8)
@@ -73,9 +74,9 @@ class Hearing(SilentReporter):
     """A reporter that keeps the answers."""
 
     def __init__(self) -> None:
-        self.answers: list[Answer] = []
+        self.answers: list[TrailSetting] = []
 
-    def setting_answered(self, answer: Answer) -> None:
+    def setting_answered(self, answer: TrailSetting) -> None:
         self.answers.append(answer)
 
 

@@ -80,7 +80,7 @@ def test_the_papers_steps_in_the_papers_order() -> None:
         ("video+vision", 55),
         *(("video+vision", reserve) for reserve in (10, 20, 30, 40, 50)),
     ]
-    assert [("+".join(answer.members), answer.reserve) for answer in done.trail] == oracle.asked
+    assert [("+".join(answer.components), answer.reserve) for answer in done.trail] == oracle.asked
     assert done.message == SUCCESSFUL
     (made,) = done.compounds
     assert (made.name, made.criticality, made.reserve) == ("vision", 40, 50)

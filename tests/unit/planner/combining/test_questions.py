@@ -11,9 +11,10 @@ from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.layouts import Objective
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
+from rarms_iac.planner.combining.oracle import Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.combining.questions import Best, NextSetting, NothingFits, next_decision, search, tuning_of
+from rarms_iac.storage.datalog.decisions import TrailSetting
 
 
 @dataclass
@@ -193,7 +194,7 @@ def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
         known = informed(tuning.candidates, trail[:at]).by_mask.values()
         least = alone | {candidate.coi.members: candidate.low for candidate in known if candidate.is_gain}
         possible = [
-            layout for layout in layouts if question.members in layout and all(block in least for block in layout)
+            layout for layout in layouts if question.components in layout and all(block in least for block in layout)
         ]
         assert min(sum(least[block] for block in layout) for layout in possible) <= capacity
 
@@ -220,7 +221,7 @@ def test_undecided_samples_prove_no_other_layout() -> None:
 
     assert found(0).proved
     assert not found(12).proved
-    assert [(doubt.members, doubt.shown < doubt.unresolved) for doubt in found(12).doubts] == [(("a", "b"), True)]
+    assert [(doubt.components, doubt.shown < doubt.unresolved) for doubt in found(12).doubts] == [(("a", "b"), True)]
     assert found(12).total == found(0).total == 74, "what was found stays what it is"
 
 
@@ -236,7 +237,7 @@ def test_undecided_settings_do_not_prove_misfit() -> None:
     assert nothing(0).proved
     assert not nothing(8).proved
     (doubt,) = nothing(8).doubts
-    assert doubt.members == ("a", "b")
+    assert doubt.components == ("a", "b")
     assert doubt.shown <= 55 < doubt.unresolved < 60
 
 
@@ -244,14 +245,14 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     of = cois(a=40, b=30)
     tuning = tuning_of(of, objective(of, 60), anyone)
     answers = [
-        Answer(members=("a", "b"), reserve=45, worse=()),
-        Answer(members=("a", "b"), reserve=50, worse=("a",)),
+        TrailSetting(components=("a", "b"), reserve=45, worse=()),
+        TrailSetting(components=("a", "b"), reserve=50, worse=("a",)),
     ]
     step = next_decision(tuning, answers)
 
     assert isinstance(step, NextSetting)
     assert step.reserve > 50, "the safe side: what failed counts"
-    ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
+    ended = next_decision(tuning, [*answers, TrailSetting(components=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
     assert (
@@ -263,14 +264,14 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
 def test_cheaper_compound_voids_the_proof() -> None:
     of = cois(a=40, b=38, c=36)
     answers = [
-        Answer(members=("b", "c"), reserve=60, worse=("b",)),
-        Answer(members=("a", "b", "c"), reserve=50, worse=()),
+        TrailSetting(components=("b", "c"), reserve=60, worse=("b",)),
+        TrailSetting(components=("a", "b", "c"), reserve=50, worse=()),
     ]
     step = next_decision(tuning_of(of, objective(of, 61), anyone), answers)
 
     assert isinstance(step, NextSetting), "50 % was seen to be enough for all three: their least is still asked for"
     assert step.members == ("a", "b", "c")
-    done = [*answers, Answer(members=("a", "b", "c"), reserve=49, worse=("a",))]
+    done = [*answers, TrailSetting(components=("a", "b", "c"), reserve=49, worse=("a",))]
     ended = next_decision(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
     (contradiction,) = ended.contradictions
@@ -285,7 +286,7 @@ def test_compound_may_need_two_points_less() -> None:
     assert (found.proved, found.total) == (True, 78)
     assert min(answer.reserve for answer in trail) == 38, "that less is not enough was seen"
 
-    below = [Answer(members=("a", "b"), reserve=37, worse=())]
+    below = [TrailSetting(components=("a", "b"), reserve=37, worse=())]
     ended, _ = search(tuning, Inquiry(oracle=Needs({("a", "b"): 37})), below)
     (contradiction,) = ended.contradictions
     assert contradiction.message == "a+b needs less than its part a"
@@ -296,7 +297,10 @@ def test_other_measurements_count_with_an_answer() -> None:
     """The two least critical cannot fit as assumed; their data log says that they need less than one of them alone."""
     of = cois(a=40, b=30, c=20)
     tuning = tuning_of(of, objective(of, 60), anyone)
-    recorded = [Answer(members=("a", "b"), reserve=40, worse=()), Answer(members=("b", "c"), reserve=20, worse=())]
+    recorded = [
+        TrailSetting(components=("a", "b"), reserve=40, worse=()),
+        TrailSetting(components=("b", "c"), reserve=20, worse=()),
+    ]
 
     without, asked = search(tuning, Inquiry(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80})))
     found, trail = search(
@@ -308,7 +312,7 @@ def test_other_measurements_count_with_an_answer() -> None:
     assert (without.proved, [coi.members for coi in without.cois]) == (True, [("a", "b"), ("c",)])
     assert trail[: len(asked)] == asked, "the same questions first, so that a search that was stopped asks them again"
     assert recorded[1] in trail[len(asked) :]
-    assert len({(answer.members, answer.reserve) for answer in trail}) == len(trail), "nothing is told twice"
+    assert len({(answer.components, answer.reserve) for answer in trail}) == len(trail), "nothing is told twice"
     assert (found.proved, [coi.members for coi in found.cois]) == (False, [("a",), ("b", "c")])
     (contradiction,) = found.contradictions
     assert contradiction.message == "b+c needs less than its part b"
@@ -334,7 +338,7 @@ def test_of_many_only_least_critical_are_looked_at() -> None:
     found, trail = search(tuning_of(of, objective(of, 155), anyone), Inquiry(oracle=Needs({pair: 12})))
 
     assert isinstance(found, Best)
-    assert {answer.members for answer in trail} == {pair}
+    assert {answer.components for answer in trail} == {pair}
     assert found.proved, "combining as little as possible, no layout with a more critical one comes before"
 
 

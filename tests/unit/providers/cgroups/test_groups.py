@@ -15,7 +15,7 @@ import pytest
 
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.speed import MachineSpeed
+from rarms_iac.model.setting import MachineSpeed
 from rarms_iac.model.state import ProcessorKind
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues

@@ -15,12 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.app.report_model import IndexCurve
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.quantities import show_number
 from rarms_iac.model.system import AtMost
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import curve_of
+from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.quantities import show_number
 from rarms_iac.views.graph import MOST_NODES, ROW, describe_node, drawing_of
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.scale import Scale, round_down, scale_of
