@@ -14,6 +14,7 @@ from tests.effort import LONG
 from tests.fake_powershell.cell import apply_script, files_of, undo_script
 from tests.fake_powershell.cells import Prepared, everything, fresh
 from tests.fake_powershell.host import WindowsHost
+from tests.fake_powershell.hyperv import settle
 from tests.fake_powershell.observing import JOURNAL, seen
 from tests.fake_powershell.run import Ran, put
 from tests.real_powershell.both import Seen, seen_of
@@ -116,8 +117,11 @@ def undisturbed(real: RealPowerShell, victim: RealPowerShell) -> Callable[[str],
 
 
 def left(host: WindowsHost, ran: Ran) -> Seen:
-    """What a killed run leaves behind."""
-    return {key: found for key, found in seen_of(host, ran).items() if key in LEFT}
+    """What a killed run leaves behind, an hour later: guests that were asked to shut down are off."""
+    later = host.copy()
+    later.clock += 3_600_000
+    settle(later)
+    return {key: found for key, found in seen_of(later, ran).items() if key in LEFT}
 
 
 @pytest.mark.parametrize(("cell", "at"), PLACES)
