@@ -38,6 +38,7 @@ def chromium(profile: Path, *flags: str) -> Iterator["WebDriver"]:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = Chrome(options=options, service=Service(shutil.which("chromedriver") or ""))
+    assert not isinstance(driver.command_executor, str), "the driver has a connection"
     driver.command_executor.client_config.timeout = ANSWERED_S
     try:
         yield driver

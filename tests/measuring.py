@@ -83,6 +83,16 @@ def leave_logs(folder: Path, least: Mapping[str, int]) -> None:
         leave_log(folder, members, (a_setting(reserve - 1, *bad), a_setting(reserve, *good)))
 
 
+def leave_curves(folder: Path, work_ms: float, reserves: Iterable[int]) -> None:
+    """A log for every reservation that is to be measured: a job takes its work over what its partition reserves."""
+    recorded = tuple(reserves)
+    for group in filter(depends_on_a_log, groups_of(_system(folder))):
+        members = names_of(group.members)
+        steady_at = ((reserve, 100 * work_ms / reserve) for reserve in recorded)
+        settings = [a_setting(reserve, *(steady(name, mean, 200) for name in members)) for reserve, mean in steady_at]
+        leave_log(folder, members, settings)
+
+
 def _late(component: str) -> Series:
     late = steady(component, 20_000.0)
     return replace(late, samples=tuple(replace(each, successful=False) for each in late.samples))

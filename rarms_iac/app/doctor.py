@@ -27,7 +27,7 @@ from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import smaller_host_findings
-from rarms_iac.planner.measured_conditions import other_governor
+from rarms_iac.planner.layout_findings import other_governor
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
 
 

@@ -29,7 +29,7 @@ from rarms_iac.planner.desired import Desired, desired_state
 from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import gather_unmeasured, plan_layout
 from rarms_iac.planner.planning_findings import NO_ROOM
-from rarms_iac.planner.starting import starting_partitions
+from rarms_iac.planner.sizes import starting_partitions
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.texts.findings import FOREIGN_AT_NAME
 from rarms_iac.texts.messages import natural_order

@@ -25,7 +25,7 @@ from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.setting import TEST_PARTITIONS
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.planner.starting import starting_partitions
+from rarms_iac.planner.sizes import starting_partitions
 from rarms_iac.storage.marks import set_of_settings
 from rarms_iac.texts.findings import NO_TARGET
 from rarms_iac.texts.messages import natural_order, suggestion

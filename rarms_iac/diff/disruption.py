@@ -14,8 +14,7 @@ from rarms_iac.model.facets import FACETS, WHILE_OFF, Facet, differing
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HeldBack
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.starting import settings_at_start
-from rarms_iac.model.state import Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Partition, PartitionSettings, RunState, settings_at_start
 from rarms_iac.model.system import GRACE, Disruption
 from rarms_iac.texts.quantities import show_lp_percent
 

@@ -11,8 +11,7 @@ from rarms_iac.model.facets import FACETS, Facet, FacetRow, Readings, differing,
 from rarms_iac.model.operation_effects import applied, mark_operation, partition_after, reverse
 from rarms_iac.model.operations import MachineOperation, RenamePartition, Set, StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.starting import Starting, settings_at_start
-from rarms_iac.model.state import Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Mark, Partition, PartitionSettings, RunState, Starting, settings_at_start
 from rarms_iac.model.system import GRACE, Disruption
 from rarms_iac.texts.plans import change_text, change_title, describe_stop, operation_text
 from rarms_iac.texts.quantities import show_duration

@@ -13,8 +13,7 @@ from rarms_iac.model.layout import Making
 from rarms_iac.model.names import renaming
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.seen_host import SeenHost
-from rarms_iac.model.starting import Starting
-from rarms_iac.model.state import Disk, Partition, RunState, State, TaskClass
+from rarms_iac.model.state import Disk, Partition, RunState, Starting, State, TaskClass
 from rarms_iac.model.system import Disruption
 from rarms_iac.texts.findings import Finding
 

@@ -43,11 +43,11 @@ from rarms_iac.measuring.measure_request import (
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import weak_answer, work_of_settings
 from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.passes import first_pass, in_order_of, is_of, later_passes
+from rarms_iac.measuring.passes import begin_with_decisive, first_pass, in_order_of, is_of, later_passes
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.stopping import starting_again
-from rarms_iac.measuring.strategies import Method
+from rarms_iac.measuring.strategies import Method, Search
 from rarms_iac.measuring.units import Units, describe_work
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
@@ -227,6 +227,8 @@ def _measure_all(
     with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
         asked, method = describe_request(request), method_of(request)
         remeasurements = remeasurements_for(held, experiments, asked, method) if request.again else {}
+        if request.again and isinstance(method, Search):
+            groups = begin_with_decisive(groups, totals_at_hand(hosts.manifest)[1])
         for words in () if has_one_p2(method) else describe_missing_parts(held, experiments):
             session.control.reporter.message(words)
         if has_passes(request) and prompt is None:

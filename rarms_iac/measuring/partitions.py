@@ -107,7 +107,6 @@ def free_memory(resources: MeasuringResources, taken: int = 0, parts: int = 1) -
 
     Args:
         taken: bytes that are promised in addition to its claims.
-        parts: of P2.
 
     Returns:
         Bytes; negative where more is promised than there is.
@@ -217,7 +216,6 @@ def shapes_of_test_partitions(
     Args:
         logical_processors: of the host; each part of P2 has as many.
         load_memory: of each part of P2, in bytes.
-        parts: of P2.
 
     Returns:
         P1, then the parts of P2.

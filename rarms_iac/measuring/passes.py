@@ -1,8 +1,8 @@
 """The passes of `rarms measure`: first a provisional answer for every partition, then the bounds.
 
 The first pass has a few short settings with the load that decides most often, then one with each other load, and more
-where that one asks for more. Later passes add the precision of the policy, the least known partition first. Begin at
-`first_pass`.
+where that one asks for more. Later passes add the precision of the policy, the least known partition first. Without a
+first pass, the data logs order the loads. Begin at `first_pass`.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,8 @@ from rarms_iac.measuring.strategies import FirstPass
 from rarms_iac.measuring.units import Units, describe_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import load_of_first_pass
+from rarms_iac.planner.reservations import MeasuredReservations
+from rarms_iac.planner.verdicts import MeasuredTogether
 
 Group = tuple[Experiment, ...]
 """The same components on the same host, one experiment a load."""
@@ -77,6 +79,17 @@ def _hardest(of_loads: Sequence[ExperimentResult]) -> ExperimentResult:
     if answer.reserve is None:
         return answer
     return max((each for each in of_loads if each.reserve == answer.reserve), key=lambda each: each.failed or 0)
+
+
+def begin_with_decisive(groups: Sequence[Group], reservations: MeasuredReservations) -> tuple[Group, ...]:
+    """Put the load of each group in front that decides by the data logs; without one, that which decides most often."""
+    return tuple(begin_with_hardest(group, _decisive_load(group, reservations)) for group in groups)
+
+
+def _decisive_load(group: Group, reservations: MeasuredReservations) -> str:
+    log = reservations.log(group[0].members, group[0].host)
+    known = {each.setup.interference for each in group}
+    return log.interference if isinstance(log, MeasuredTogether) and log.interference in known else ""
 
 
 def begin_with_hardest(group: Group, name: str = "") -> Group:

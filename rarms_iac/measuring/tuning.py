@@ -14,6 +14,7 @@ from rarms_iac.measuring.findings import why_out_of_memory
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
 from rarms_iac.measuring.other_work import work_of_settings
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
+from rarms_iac.measuring.passes import begin_with_hardest
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession, no_measurable_host
 from rarms_iac.measuring.strategies import ThresholdCheck
@@ -361,7 +362,8 @@ class Experiments:
             raise Unanswered(
                 f"A measurement of {names} needs {reserve} % of their VPs, but the host can give only {highest} %."
             )
-        for experiment in self.subject.experiments(members, self.strategy, self.samples):
+        experiments = self.subject.experiments(members, self.strategy, self.samples)
+        for experiment in begin_with_hardest(experiments):  # a miss ends the question
             if worse := self._worse_with_load(experiment, members, reserve):
                 return worse
         return frozenset()

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
+from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.quantities import LogicalProcessors, per_virtual_processor
 from rarms_iac.model.setting import TEST_PARTITIONS
 
 
@@ -121,6 +122,33 @@ class PartitionSettings:
 
 
 SECURE_BOOT_OFF = "off"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Starting:
+    """A larger reservation while a partition starts, as `cpu: { starting: { reserve: 1 LP, for: 30 s } }` asks for."""
+
+    reserve: LogicalProcessors
+    time_ms: int
+
+
+def settings_at_start(settings: PartitionSettings, starting: Starting | None) -> PartitionSettings | None:
+    """Return the settings of a partition for the time of its start.
+
+    A limit below the larger reservation is raised with it.
+
+    Args:
+        settings: The lasting ones.
+
+    Returns:
+        None where it starts with no more than it keeps.
+    """
+    if starting is None:
+        return None
+    reserve = min(WHOLE, per_virtual_processor(starting.reserve, settings.processors))
+    if reserve <= settings.reserve:
+        return None
+    return replace(settings, reserve=reserve, limit=max(settings.limit, reserve))
 
 
 class StoppedBy(StrEnum):

@@ -18,12 +18,10 @@ from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, State
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.measured_conditions import little_memory, other_governor
+from rarms_iac.planner.layout_findings import little_memory, neighbour_findings, other_governor, real_time_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
-from rarms_iac.planner.neighbours import neighbour_findings
 from rarms_iac.planner.planning_findings import NOT_PROVEN
 from rarms_iac.planner.problem import Problem, by_name, check_layout, problem_of, solve
-from rarms_iac.planner.real_time import real_time_findings
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.texts.messages import counted, list_names
 from rarms_iac.texts.quantities import show_bytes, show_lp_percent, show_processors

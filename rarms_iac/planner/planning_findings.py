@@ -26,6 +26,8 @@ SMALLER = Finding.warning("RARMS126", "The host is smaller than in the manifest"
 MEASURED_STEADY = Finding.warning("RARMS313", "Measured only with loads that never pause")
 ON_NEIGHBOURS = Finding.note("RARMS324", "A threshold depends on its neighbours")
 DEADLINES = Finding.error("RARMS314", "SCHED_DEADLINE cannot keep a reservation")
+BUDGETS = Finding.error("RARMS442", "Real-time budgets exceed the host")
+NEVER_STOPPED = Finding.error("RARMS443", "The kernel never stops threads with a task class")
 NO_ROOM = frozenset({RESERVATIONS.code, MEMORY.code, PACKING.code})
 """Findings of hosts that have too little."""
 

@@ -4,8 +4,10 @@ The reservation is the measured one. The hypervisor gives the processor time tha
 ask, by weight. So the policy decides weights and limits, and the need of one component never moves another's share.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from math import ceil
 from typing import assert_never
 
 from rarms_iac.model.diagnostics import Diagnostic
@@ -20,12 +22,19 @@ from rarms_iac.model.quantities import (
     machine_memory,
     per_virtual_processor,
 )
-from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
-from rarms_iac.model.system import MOST_WEIGHT, USUAL_WEIGHT, Headroom, Measured, StartMode, weight_of_criticality
-from rarms_iac.planner.groups import Group
+from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, Starting, StopAction
+from rarms_iac.model.system import (
+    MOST_WEIGHT,
+    USUAL_WEIGHT,
+    Headroom,
+    Measured,
+    StartMode,
+    System,
+    weight_of_criticality,
+)
+from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
-from rarms_iac.planner.starting import starting_of
 from rarms_iac.planner.verdicts import NotMeasured
 from rarms_iac.texts.findings import UNUSABLE_RESERVE
 from rarms_iac.texts.quantities import count_processors
@@ -258,3 +267,26 @@ def _making(group: Group, host: Host) -> Making:
 def _secure_boot(group: Group, host: Host) -> str:
     usual = host.settings.secure_boot if isinstance(host.settings, HypervHost) else None
     return (group.request.hyperv.secure_boot or usual or "") if _generation(group, host) == 2 else ""
+
+
+def starting_of(group: Group, host: Host) -> Starting | None:
+    """Return what a partition reserves while it starts: its own, or the sum of its members' for the longest time.
+
+    Args:
+        host: Shares of a host are of its logical processors.
+
+    Returns:
+        None where neither the partition nor a member says it.
+    """
+    own = group.request.cpu.starting
+    requests = [own] if own is not None else [each.cpu.starting for each in group.members if each.cpu.starting]
+    if not requests:
+        return None
+    total = sum((in_processors(each.reserve, host.logical_processors) for each in requests), Fraction(0))
+    return Starting(reserve=LogicalProcessors(total), time_ms=max(ceil(each.time) for each in requests))
+
+
+def starting_partitions(system: System, host: Host) -> Mapping[str, Starting]:
+    """Return by partition what it reserves on a host while it starts; those that start with no more are left out."""
+    found = {group.name: starting_of(group, host) for group in groups_of(system)}
+    return {name: starting for name, starting in found.items() if starting is not None}

@@ -9,14 +9,11 @@ from typing import overload
 
 from yaml.error import YAMLError
 
-from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.texts.findings import NOT_READ, NOT_YAML, Finding
 from rarms_iac.texts.messages import HIDDEN
 
 UNSEEN = Finding.error("RARMS005", "An invisible character")
-BYTE_ORDER_MARK = Finding.note("RARMS006", "The file starts with a byte order mark")
 
 _UTF16_32 = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
 _ASCII_CONTROL = bytes({*range(0x20), 0x7F} - set(b"\t\n\r"))
@@ -96,35 +93,24 @@ def unified(stored: bytes) -> bytes:
     return stored.removeprefix(BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
-def check_text(source: Source) -> tuple[Diagnostic, ...]:
+def check_text(source: Source) -> None:
     """Check the characters of a text.
-
-    Returns:
-        A note where it had a byte order mark.
 
     Raises:
         UnreadableText: it is not UTF-8, or holds invisible characters.
     """
-    file, start = source.file, Place(file=source.file, line=1, column=1)
     if source.stored.startswith(_UTF16_32):
         raise UnreadableText(
             NOT_READ.at(
-                start, "The file seems to be UTF-16 or UTF-32.", "Save the file as UTF-8 and try again.", file=file
+                Place(file=source.file, line=1, column=1),
+                "The file seems to be UTF-16 or UTF-32.",
+                "Save the file as UTF-8 and try again.",
+                file=source.file,
             )
         )
     _check_utf8(source)
     if findings := _unseen(source):
         raise UnreadableText(*findings)
-    if not source.stored.startswith(BOM_UTF8):
-        return ()
-    formatter = command("fmt", STANDARD_INPUT if file == "<stdin>" else file)
-    note = BYTE_ORDER_MARK.at(
-        start,
-        "The file starts with the bytes EF BB BF, which have no meaning in UTF-8. rarms ignores these bytes.",
-        prose("Save the file as UTF-8 without a byte order mark, or run ", formatter, "."),
-        file=file,
-    )
-    return (note,)
 
 
 def _check_utf8(source: Source) -> None:

@@ -46,13 +46,13 @@ def read_text(data: bytes, file: str, folder: str, *, overlay: bool = False) -> 
             return ParsedText(
                 source=source, readable=False, diagnostics=(_without_value(file, "no content", overlay=overlay),)
             )
-        notes = check_text(source)
+        check_text(source)
         parsed = read_events(source)
     except UnreadableText as refused:
         return ParsedText(source=source, readable=False, diagnostics=refused.diagnostics)
     if parsed.readable and parsed.value is None:
-        parsed = replace(parsed, readable=False, diagnostics=(_without_value(file, "only comments", overlay=overlay),))
-    return replace(parsed, diagnostics=(*notes, *parsed.diagnostics))
+        return replace(parsed, readable=False, diagnostics=(_without_value(file, "only comments", overlay=overlay),))
+    return parsed
 
 
 def _without_value(file: str, content: str, *, overlay: bool) -> Diagnostic:

@@ -13,7 +13,7 @@ from rarms_iac.model.layout import LookedUp
 from rarms_iac.model.seen_host import unseen
 from rarms_iac.model.setting import MachineSpeed, SettingEvidence
 from rarms_iac.model.state import State
-from rarms_iac.planner.measured_conditions import other_governor
+from rarms_iac.planner.layout_findings import other_governor
 from rarms_iac.storage.datalog.identity import Changed
 from tests.builders import a_host
 from tests.builders_measured import a_setting

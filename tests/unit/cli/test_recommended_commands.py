@@ -182,10 +182,6 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
         Ask("validate", "Or move the file away and run", "init", first=(Path("rarms.yaml").unlink,)),
         Ask("fmt", "Or move the file away and run", "init", first=(Path("rarms.yaml").unlink,)),
     ),
-    "the manifest begins with a byte order mark": (
-        given("\ufeff" + MANIFEST),
-        Ask("validate", "or run `rarms fmt rarms.yaml`", "fmt rarms.yaml"),
-    ),
     "an error is accepted that cannot be": (
         given(ACCEPTED),
         Ask("plan", "acceptance", "explain RARMS014"),

@@ -14,8 +14,7 @@ from rarms_iac.model.operations import call_name, set_to
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.quantities import LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.seen_host import SeenHost
-from rarms_iac.model.starting import Starting
-from rarms_iac.model.state import Partition, RunState, State
+from rarms_iac.model.state import Partition, RunState, Starting, State
 from rarms_iac.model.system import CpuRequest, Disruption, StartRequest, System
 from tests.builders import a_component, a_host, a_mark, a_system, cpu_amount, milliseconds
 from tests.builders_plan import facts

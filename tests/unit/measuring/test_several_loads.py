@@ -8,13 +8,17 @@ from pathlib import Path
 
 import pytest
 
+import rarms_iac
+from rarms_iac.app.declared_hosts import totals_at_hand
 from rarms_iac.measuring.each_load import by_partition, decisive, next_experiment, with_result
-from rarms_iac.measuring.measure_request import ExperimentResult
+from rarms_iac.measuring.measure_request import ExperimentResult, MeasureRequest, experiments_of_request
+from rarms_iac.measuring.passes import begin_with_decisive
 from rarms_iac.measuring.strategies import Method, Search, Sweep
 from rarms_iac.model.experiment import Experiment, experiment_of
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, RareSlowJobs, Stopped, Sufficient, Swept
 from rarms_iac.model.setting import P1, P2, OutsideWork, SettingEvidence
 from rarms_iac.providers.simulated.measuring import SimulatedRun
+from rarms_iac.storage.datalog.log import Recorded
 from tests.builders import a_component, a_host, a_system
 from tests.measuring import leave_logs, rewrite_log, the_log, with_weak_load
 from tests.unit.cli.running import rarms
@@ -263,6 +267,25 @@ def test_idle_log_is_taken_with_warning(tmp_path: Path) -> None:
 
     assert planned.code == 0, planned.err
     assert "warning[RARMS105]" in planned.out + planned.err
+
+
+def test_log_that_decides_is_measured_again_first(tmp_path: Path) -> None:
+    def needs_more(recorded: Recorded) -> Recorded:
+        return replace(recorded, setting=replace(recorded.setting, reserve=recorded.setting.reserve + 8))
+
+    def order() -> list[str]:
+        hosts = rarms_iac.load(str(tmp_path / "rarms.yaml"))
+        groups = by_partition(experiments_of_request(hosts, MeasureRequest()))
+        (group,) = begin_with_decisive(groups, totals_at_hand(hosts.manifest)[1])
+        return [each.setup.interference for each in group]
+
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    unknown = order()
+    leave_logs(tmp_path, {"a": 12})
+    rewrite_log(tmp_path / "measurements" / "onboard" / "a" / "busy-loop.jsonl", needs_more)
+
+    assert unknown == ["bursts-100", "busy-loop"]
+    assert order() == ["busy-loop", "bursts-100"]
 
 
 def test_idle_busy_loop_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

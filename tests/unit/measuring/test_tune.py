@@ -14,9 +14,8 @@ from rarms_iac.storage.datalog.decisions import last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.builders_measured import a_setting
-from tests.files import copy_files
 from tests.fluid import without_scheduler
-from tests.measuring import leave_log, leave_logs, steady
+from tests.measuring import leave_curves, leave_log, leave_logs, steady
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
 
@@ -60,23 +59,13 @@ components:
 """
 
 
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a robot whose components were measured one by one, and do not fit."""
-    folder = tmp_path_factory.mktemp("robot")
-    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    with chdir(folder), without_scheduler():
-        ran = rarms("measure", "--samples", "400")
-    assert ran.code == 0, ran.err
-    return folder
-
-
 @pytest.fixture
-def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
-    """A copy of that folder, which is where we are."""
-    copy_files(measured, tmp_path / "robot")
-    with chdir(tmp_path / "robot"), without_scheduler():
-        yield tmp_path / "robot"
+def here(tmp_path: Path) -> Iterator[Path]:
+    """The folder where we are: a robot with data logs of its components one by one, which do not fit."""
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    leave_curves(tmp_path, 20.0, (20, 25, 26, 27, 28, 29, 30, 31, 32, 36, 40, 44, 47, 48, 49, 50, 51, 60))
+    with chdir(tmp_path), without_scheduler():
+        yield tmp_path
 
 
 def test_manifest_that_does_not_fit_is_tuned(tmp_path: Path) -> None:
@@ -182,9 +171,6 @@ def test_papers_procedure_walks_by_ten(here: Path) -> None:
 def test_where_nothing_may_be_combined_answer_is_no(here: Path) -> None:
     alone = MANIFEST.replace("    criticality:", "    dedicated: true\n    criticality:")
     (here / "rarms.yaml").write_text(alone, encoding="utf-8", newline="\n")
-    lower = rarms("measure", "--from", "20%", "--to", "40%", "--samples", "60")
-    assert lower.code == 0, lower.err
-
     for strategy in ("default", "paper"):
         ran = rarms("tune", "--strategy", strategy)
         found = json.loads(rarms("tune", "--strategy", strategy, "--json").out)["findings"]

@@ -164,6 +164,16 @@ def test_contradicting_setting_proves_nothing(tmp_path: Path) -> None:
     assert "The layout is valid" in contradictions[0].detail
 
 
+def test_miss_with_hardest_load_ends_a_question(here: Path) -> None:
+    text = MANIFEST.replace("interference: busy-loop", "interference: [busy-loop, bursts-20]")
+    write(text.replace("100 ms", "12 ms").replace("0.8 LP", "1 LP"))
+    leave_logs(here, {"vision": 30, "paths": 30})
+    rarms("tune", "--host", "onboard")
+    asked = [path.stem for path in here.glob("measurements/two-core/paths+vision/*.jsonl")]
+
+    assert asked == ["bursts-20"]
+
+
 class Never:
     """An oracle of components that miss their thresholds together."""
 

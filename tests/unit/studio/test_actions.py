@@ -13,7 +13,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.writing import hold
 from rarms_iac.studio.actions import ACTIONS, MeasureAction, ProveAction, TuneAction
 from tests.crashing import Crash, CrashingDisk
-from tests.fluid import without_scheduler
+from tests.measuring import leave_curves
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 from tests.unit.studio.studio_client import TIGHT, Client, studio
@@ -118,9 +118,7 @@ def test_level_is_previewed_and_written(client: Client, folder: Path) -> None:
 
 def test_levels_of_a_way_out_go_together(client: Client, folder: Path) -> None:
     (folder / "rarms.yaml").write_text(TIGHT, encoding="utf-8", newline="\n")
-    with without_scheduler():
-        assert rarms("measure", "-f", str(folder)).code == 0
-        assert rarms("measure", "-f", str(folder), "--from", "20%", "--to", "100%").code == 0
+    leave_curves(folder, 20.0, range(20, 101, 5))
     way = [{**LEVEL, "component": "speech", "level": "60 ms"}, {**LEVEL, "component": "talk", "level": "70 ms"}]
     for level in way:
         alone = client.post("levels", {"levels": [level]}).data
