@@ -79,7 +79,7 @@ def main() -> int:
     own = f"{CHECKOUT / '.cache/robot/bin'}:{Path(sys.executable).parent}"
     environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}"}
     chosen = frozenset(sys.argv[1:])
-    is_near, begun = True, (time.monotonic(), busy_seconds(), own_seconds())
+    is_near, other = True, OtherWork()
     with tempfile.TemporaryDirectory() as folder:
         robots = [make_programs(Path(folder) / "programs", processors)]
         if not chosen or chosen - {name for name, *_ in PROGRAMS}:
@@ -92,10 +92,21 @@ def main() -> int:
             with workbench(robot, environment, processors) as machine:
                 for name in names:
                     is_near &= report(machine, system.components[name], answers[name])
-    spent = busy_seconds() - begun[1] - (own_seconds() - begun[2])
-    other = 100 * spent / (time.monotonic() - begun[0]) / processors
-    print(f"Other work on the machine: {other:.1f} %; a run with more than {OTHER_WORK:g} % does not count")
-    return 0 if is_near and other <= OTHER_WORK else 1
+    share = other.percent(processors)
+    print(f"Other work on the machine: {share:.1f} %; a run with more than {OTHER_WORK:g} % does not count")
+    return 0 if is_near and share <= OTHER_WORK else 1
+
+
+class OtherWork:
+    """The processor time that programs use that are not this process's or its children's, from here on."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic(), busy_seconds(), own_seconds()
+
+    def percent(self, processors: int) -> float:
+        """Return the share of the machine's time that they used; children count when they have ended."""
+        began, busy, own = self._begun
+        return 100 * (busy_seconds() - busy - (own_seconds() - own)) / (time.monotonic() - began) / processors
 
 
 def busy_seconds() -> float:
@@ -136,13 +147,19 @@ def make_programs(folder: Path, processors: int) -> Path:
     return folder
 
 
-def report(machine: Workbench, component: Component, answers: Mapping[str, float | None]) -> bool:
-    """Print what a component was measured to need with each load, and what the sweep says; whether they are near."""
+def report(
+    machine: Workbench, component: Component, answers: Mapping[str, float | None], seconds: float = SECONDS
+) -> bool:
+    """Print what a component was measured to need with each load, and what the sweep says; whether they are near.
+
+    Args:
+        seconds: how long a run of the sweep lasts.
+    """
     found = [answer for answer in answers.values() if answer is not None]
     if len(found) < len(answers):
         print(f"{component.name}: no answer with {', '.join(name for name in answers if answers[name] is None)}")
         return False
-    swept = {name: sweep(machine, component, name, round(max(found))) for name in answers}
+    swept = {name: sweep(machine, component, name, round(max(found)), seconds) for name in answers}
     for name, reserve in swept.items():
         print(f"{component.name} with {name}: measured {answers[name]:g} %, swept {reserve or 'more'} %")
     most = max(reserve or HIGHEST + 1 for reserve in swept.values())
@@ -161,12 +178,12 @@ def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str
     return {each["interference"]: percent_of_host(each) if each["planned"] else None for each in found}
 
 
-def sweep(machine: Workbench, component: Component, name: str, around: int) -> int | None:
+def sweep(machine: Workbench, component: Component, name: str, around: int, seconds: float) -> int | None:
     """Return the least reservation that is enough with a load, within what is swept, in per cent of the host."""
 
     def is_enough(reserve: int) -> bool:
         record = machine.at_reserve(
-            component, reserve, PRIORITIES.get(component.name), load=LOADS_WITHOUT_ENTRY[name], seconds=SECONDS
+            component, reserve, PRIORITIES.get(component.name), load=LOADS_WITHOUT_ENTRY[name], seconds=seconds
         )
         return meets(component, values_of(component, series_of(component.name, record["series"])))
 

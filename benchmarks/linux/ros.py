@@ -1,0 +1,93 @@
+"""What `rarms measure` answers for the ROS robot's face detector, and a sweep with the same load, on this Linux.
+
+`python -m benchmarks.linux.ros` starts the camera of `manifests/ros-robot`, measures the node by the time between
+messages next to the manifest's busy loop, then writes groups by hand and halves what lies around the answer. Needs
+root, what `make demo-ros` installs, and a quiet machine, on which it takes about five minutes. Exit code 1: the answer
+is more than two points and more than 5 % from the sweep, or other programs used more than 2 % of the machine.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from benchmarks.linux.experiments import workbench
+from benchmarks.linux.loads import CHECKOUT, OTHER_WORK, OtherWork, measured, report
+from rarms_iac.manifest.load import load_system
+
+NODE = "face-detection"
+SECONDS = 15.0
+"""So long a run of the sweep lasts: 60 images."""
+
+BUDGET = "policy: { measuring: { setting: 1 min } }\n"
+MASTER_PORT = 11521
+
+
+def main() -> int:
+    """Print what was measured and what the sweep found."""
+    processors = len(os.sched_getaffinity(0))
+    with tempfile.TemporaryDirectory() as folder:
+        robot = Path(folder) / "robot"
+        robot.mkdir()
+        subprocess.run((str(CHECKOUT / "scripts/make-ros-robot"), str(robot)), check=True)
+        (robot / "budget.yaml").write_text(BUDGET, encoding="utf-8")
+        system = load_system(str(robot / "rarms.yaml"), today=datetime.now(UTC).date()).system
+        assert system is not None
+        environment = environment_of(robot)
+        other = OtherWork()
+        with camera(robot, environment):
+            answers = measured(robot, environment, NODE)
+            with workbench(robot, environment, processors) as machine:
+                is_near = report(machine, system.components[NODE], answers, SECONDS)
+        share = other.percent(processors)
+    print(f"Other work on the machine: {share:.1f} %; a run with more than {OTHER_WORK:g} % does not count")
+    return 0 if is_near and share <= OTHER_WORK else 1
+
+
+def environment_of(robot: Path) -> dict[str, str]:
+    """Return the variables of the robot's nodes, as `scripts/demo-ros` sets them."""
+    cache = CHECKOUT / ".cache/ros-robot"
+    return {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "ROS_MASTER_URI": f"http://127.0.0.1:{MASTER_PORT}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(robot / "ros"),
+        "ROS_PACKAGE_PATH": f"{cache}/plugins/usr/share:/usr/share",
+        "CMAKE_PREFIX_PATH": f"{cache}/plugins/usr",
+        "ROS_ROBOT_PICTURE": f"{cache}/picture.png",
+    }
+
+
+@contextmanager
+def camera(robot: Path, environment: Mapping[str, str]) -> Iterator[None]:
+    """Have the ROS master and the camera running, outside of all groups."""
+    with (robot / "roslaunch.log").open("w", encoding="utf-8") as log:
+        words = ("roslaunch", "-p", str(MASTER_PORT), str(robot / "robot.launch"))
+        launched = subprocess.Popen(words, env=dict(environment), stdout=log, stderr=log)
+        try:
+            wait_for_images(environment)
+            yield
+        finally:
+            launched.terminate()
+            launched.wait()
+
+
+def wait_for_images(environment: Mapping[str, str]) -> None:
+    """Wait until the camera publishes; RuntimeError: it does not within half a minute."""
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        done = subprocess.run(("rostopic", "list"), env=dict(environment), capture_output=True, text=True, check=False)
+        if "image_raw" in done.stdout:
+            return
+        time.sleep(0.5)
+    raise RuntimeError("the camera's node does not publish")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
