@@ -136,7 +136,7 @@ class UndoOptions:
     """Options of `rarms undo` alone."""
 
     keep: bool = flag(
-        "--keep", help="Keep the manifest's values that the apply restored after another tool had changed them."
+        "--keep", help="Do not restore the values of other tools that the apply replaced."
     )
 
 
