@@ -4,9 +4,9 @@ Each has its page in docs/findings. `other_work.py` has the texts on other work,
 `missed_thresholds.py` those of a proof, `run_component.py` those of `rarms run`.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import ceil, isfinite
-from typing import Any, assert_never
+from typing import Any, TypeAlias, assert_never
 
 from rarms_iac.measuring.evidence import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.model.commands import Wording, command, prose
@@ -33,10 +33,10 @@ from rarms_iac.statistics.overload import describe_overload, find_overload, more
 from rarms_iac.statistics.verdicts import LONG
 from rarms_iac.texts.findings import Finding
 from rarms_iac.texts.indexes import show_range, show_threshold, show_value
-from rarms_iac.texts.messages import counted, in_a_row
+from rarms_iac.texts.messages import counted
 from rarms_iac.texts.quantities import show_amount, show_duration, show_processors, show_reserve
 
-VPS_USED = Finding.note("RARMS380", "The component uses a different number of processors")
+UNUSED_VPS = Finding.note("RARMS380", "Components have more processors than they use")
 FAILURES = Finding.error("RARMS113", "Too many samples failed")
 UNABLE = Finding.error("RARMS114", "The host cannot run the component")
 OCCUPIED = Finding.error("RARMS115", "The host is not free to measure")
@@ -64,6 +64,9 @@ NO_MORE_CPU = "More CPU time does not help: the jobs wait for something else. In
 
 MORE_MEMORY = "Raise `memory` of the component or of its partition, and try again."
 
+MeasuredExperiment: TypeAlias = tuple[Experiment, ReservePercent, Sequence[Setting]]
+"""An experiment with its answer and its settings."""
+
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed a finding lists."""
 
@@ -89,7 +92,6 @@ def findings_of(
         case Sufficient(reserve=reserve):
             yield from _less_unknown(experiment, conclusion, settings, places)
             yield from _fixed_anyway(experiment, reserve, places)
-            yield from _wasted_processors(experiment, reserve, settings, places)
         case Swept() | Stopped():
             return
         case _:
@@ -372,44 +374,35 @@ def _fixed_anyway(experiment: Experiment, reserve: ReservePercent, places: Place
         )
 
 
-def _wasted_processors(
-    experiment: Experiment, reserve: ReservePercent, settings: tuple[Setting, ...], places: Places
-) -> Iterator[Diagnostic]:
-    """Report fixed virtual processors that are not used: a CR is per cent of all of them."""
-    processors, used = experiment.setup.processors, most_used(settings)
-    if not experiment.fixes_processors or used is None or used >= processors:
-        return
-    names = in_a_row(experiment.setup.members)
-    now, then = (show_processors(guaranteed(reserve, count)) for count in (processors, used))
-    yield VPS_USED.at(
-        places.key("components", experiment.members[0].name),
-        "{_names} used at most {used_processors} of {processors} VPs. {_now} becomes {_then}.",
-        prose("Remove `processors` from the manifest, then: ", command("measure"), "."),
-        address=f"component/{experiment.members[0].name}",
-        components=tuple(experiment.setup.members),
-        processors=processors,
-        used_processors=used,
-        reserve_percent=reserve,
-        _names=names,
-        _now=now,
-        _then=then,
-    )
+def unused_processors(answers: Iterable[MeasuredExperiment], places: Places) -> Iterator[Diagnostic]:
+    """Report the fixed virtual processors that components do not use, once for each host.
 
-
-def more_processors(experiment: Experiment, used: int, places: Places) -> Diagnostic:
-    """Make the finding that components use more processors at once than was seen before.
+    A CR is per cent of all virtual processors.
 
     Args:
-        experiment: As it was measured, with the number that was seen before.
+        answers: of each partition the one that decides.
     """
-    processors = experiment.setup.processors
-    return VPS_USED.at(
-        places.key("components", experiment.members[0].name),
-        "{components:all} used {used_processors} processors at once; earlier measurements used {processors:VP}. "
-        "rarms measures again with {used_processors:VP}.",
-        f"No action is needed. To measure with {processors} anyway, write `processors: {processors}`.",
-        address=f"component/{experiment.members[0].name}",
-        components=tuple(experiment.setup.members),
-        processors=processors,
-        used_processors=used,
-    )
+    by_host: dict[str, list[tuple[Experiment, ReservePercent, int]]] = {}
+    for experiment, reserve, settings in answers:
+        used = most_used(settings)
+        if experiment.fixes_processors and used is not None and used < experiment.setup.processors:
+            by_host.setdefault(experiment.host.name, []).append((experiment, reserve, used))
+    for host, unused in by_host.items():
+        enough: dict[tuple[int, int], list[str]] = {}
+        for experiment, reserve, used in unused:
+            amount = show_processors(guaranteed(reserve, used))
+            enough.setdefault((experiment.setup.processors, used), []).append(f"{experiment.name} {amount}")
+        yield UNUSED_VPS.of_host(
+            host,
+            "{_sentences}",
+            prose("Remove `processors` from the manifest, then: ", command("measure"), "."),
+            place=places.key("components", unused[0][0].members[0].name) if len(unused) == 1 else None,
+            components=tuple(experiment.name for experiment, _, _ in unused),
+            processors=tuple(str(experiment.setup.processors) for experiment, _, _ in unused),
+            used_processors=tuple(str(used) for _, _, used in unused),
+            reserve_percent=tuple(str(reserve) for _, reserve, _ in unused),
+            _sentences=" ".join(
+                f"With {counted(used, 'VP')} instead of {processors}, less is enough: {', '.join(amounts)}."
+                for (processors, used), amounts in enough.items()
+            ),
+        )

@@ -29,7 +29,7 @@ from rarms_iac.measuring.availability import (
 )
 from rarms_iac.measuring.each_load import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
-from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.findings import findings_of, unused_processors
 from rarms_iac.measuring.level_prompt import Further, LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.measuring.measure_request import (
     ExperimentResult,
@@ -248,6 +248,9 @@ def _measure_all(
         not_begun=tuple(loads[0] for loads in not_begun if not any(is_of(look, loads) for look in looks)),
         ended=found.ended,
     )
+    answers = map(decisive, outcome.partitions)
+    known = [(each.experiment, each.reserve, each.settings) for each in answers if each.reserve is not None]
+    outcome = replace(outcome, findings=(*outcome.findings, *unused_processors(known, hosts.manifest.places)))
     return _with_totals(outcome, hosts, names), found.complete
 
 

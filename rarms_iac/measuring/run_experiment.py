@@ -11,7 +11,6 @@ from rarms_iac.app.data_logs import files_of, stale_advice, used_processors
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
-from rarms_iac.measuring import findings
 from rarms_iac.measuring.availability import (
     Availability,
     available_on_host,
@@ -73,14 +72,10 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
                 reporter.findings([_busy_warning(experiment, run.available.running)])
             if isinstance(answer, ExperimentResult):
                 break
-            says_duration = False
-            if experiment.processors_from is ProcessorSource.HOST:
-                if not isinstance(method, FirstPass):  # it says so for all together
-                    reporter.message(_describe_number(experiment, answer.number))
-            else:
-                finding = findings.more_processors(experiment, answer.number, session.hosts.manifest.places)
-                reporter.findings([finding], session.hosts.manifest.sources)
-                says_duration = _says_duration(method)  # what was said counted for one curve
+            is_first = experiment.processors_from is ProcessorSource.HOST
+            if not (is_first and isinstance(method, FirstPass)):  # it says so for all together
+                reporter.message(_describe_number(experiment, answer.number))
+            says_duration = not is_first and _says_duration(method)  # what was said counted for one curve
             experiment = experiment.with_processors(answer)
         if experiment.processors_from is ProcessorSource.HOST and most_used(answer.settings) is not None:
             experiment = replace(experiment, processors_from=ProcessorSource.USED)  # all of the host's are
@@ -227,7 +222,8 @@ def with_observed_processors(session: MeasuringSession, experiment: Experiment) 
 
 def _describe_number(experiment: Experiment, number: int) -> str:
     before = experiment.setup.processors
-    return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {number} VP instead of {before}."
+    vps = counted(number, "VP")
+    return f"{experiment.name} uses {counted(number, 'processor')}; measuring with {vps} instead of {before}."
 
 
 def _begin(session: MeasuringSession, experiment: Experiment, method: Method, *, says_duration: bool) -> ExperimentRun:

@@ -97,10 +97,11 @@ def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str
     hosts = {group[0].host.name: group[0].host.provider is ProviderKind.SIMULATED for group in groups}
     names = in_a_row([f"{name} (simulated)" if is_simulated else name for name, is_simulated in hosts.items()])
     components = counted(sum(len(group[0].setup.members) for group in groups), "component")
-    loads = counted(max(len(group) for group in groups), "load")
+    most_loads = max(len(group) for group in groups)
+    loads = f" x {most_loads} loads" if most_loads > 1 else ""
     usual_ms = sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
     most_ms = sum(MOST * len(group) * group[0].budget.most_ms for group in groups)
-    return f"Measuring {components} x {loads} on {names}: {forecast(usual_ms, usual_ms + (0 if quick else most_ms))}."
+    return f"Measuring {components}{loads} on {names}: {forecast(usual_ms, usual_ms + (0 if quick else most_ms))}."
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:

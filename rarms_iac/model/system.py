@@ -254,7 +254,7 @@ class Component:
     task: Annotated[
         TaskName | ThreadsTask | None,
         Key(
-            "Its robotic task class (RC SS), the kind of its work. On Linux, `{class: NAME, threads: "
+            "The robotic task class of its work (RC SS). On Linux, `{class: NAME, threads: "
             "[...]}` applies the class to threads by name."
         ),
     ] = None

@@ -81,6 +81,8 @@ def summary_text(outcome: MeasureOutcome, *, verbose: bool = False) -> "Renderab
         part for result in outcome.experiments if isinstance(result.conclusion, Swept) for part in sweep_text(result)
     ]
     remarks = [f"{answer.name}: {remark}" for answer in answers if (remark := answer.remark(verbose=verbose))]
+    lower = [f"{answer.down_to} for {answer.name}" for answer in answers if answer.down_to]
+    remarks += [f"Could be down to {', '.join(lower)}"] if lower else []
     remarks += [f"{in_a_row([each.name for each in outcome.not_begun])}: not begun"] if outcome.not_begun else []
     return stack(
         *swept,
@@ -97,6 +99,7 @@ class _Answer:
     amount: str = "-"
     at: int | None = None  # the setting whose values are shown, in per cent
     state: str = ""  # why there is no reservation, or what is left to do
+    down_to: str = ""  # the least that may be enough
     details: tuple[str, ...] = ()
 
     @property
@@ -132,12 +135,12 @@ def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive, more_settings=more):
             narrow = f"run the same command to narrow it, up to {counted(more, 'setting')} more" if more else ""
             down_to = result.conclusion.down_to
-            could_be = f"could be down to {_amount(result, down_to)}" if down_to else ""
             return _Answer(
                 result=result,
                 amount=_amount(result, reserve),
                 at=reserve,
-                state="; ".join(filter(None, [_planned(result, reserve), could_be, narrow])),
+                state="; ".join(filter(None, [_planned(result, reserve), narrow])),
+                down_to=_amount(result, down_to) if down_to else "",
                 details=(
                     share_of_processors(reserve, result.experiment.setup.processors),
                     _below(result, failed),
@@ -273,13 +276,11 @@ def _totals(outcome: MeasureOutcome, *, verbose: bool) -> Iterator[str]:
     yield from _skipped_lines(results)
     if sentence := delay_sentence({name: heard for result in results for name, heard in result.heard_messages.items()}):
         yield sentence
-    if sentence := describe_conditions(
-        [each for by_load in outcome.partitions for each in decisive(by_load).conditions], verbose=verbose
-    ):
-        yield sentence
+    conditions = [each for by_load in outcome.partitions for each in decisive(by_load).conditions]
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
-    if extremes:
-        yield describe_errors(sure=False in extremes, so_far=True in extremes)
+    errors = describe_errors(sure=False in extremes, so_far=True in extremes)
+    if sentences := " ".join(filter(None, [describe_conditions(conditions, verbose=verbose), errors])):
+        yield sentences
 
 
 def _of_first_pass(outcome: MeasureOutcome) -> Iterator[str]:

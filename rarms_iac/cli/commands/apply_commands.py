@@ -135,9 +135,7 @@ def _is_named() -> bool:
 class UndoOptions:
     """Options of `rarms undo` alone."""
 
-    keep: bool = flag(
-        "--keep", help="Keep the manifest's values that the apply restored after another tool had changed them."
-    )
+    keep: bool = flag("--keep", help="Do not restore the values of other tools that the apply replaced.")
 
 
 @rarms_command("undo")

@@ -89,7 +89,7 @@ def plain_scalar(text: str) -> PlainValue:
 def _whole(digits: str, base: int) -> int:
     if len(digits.lstrip("+-0")) > MAX_DIGITS:
         raise NotRepresentable(
-            f"a whole number has at most {MAX_DIGITS} digits, this number has {len(digits.lstrip('+-'))}"
+            f"a whole number has at most {MAX_DIGITS} digits; this number has {len(digits.lstrip('+-'))}"
         )
     return int(digits, base)
 

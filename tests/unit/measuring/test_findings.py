@@ -12,7 +12,7 @@ import pytest
 
 from rarms_iac.manifest.text.tree import first_line
 from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
-from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.findings import findings_of, unused_processors
 from rarms_iac.measuring.other_work import describe_idle, work_of_evidence, work_of_settings
 from rarms_iac.measuring.partitions import LoadShare
 from rarms_iac.model.capacity import shared_processors
@@ -220,10 +220,22 @@ def test_unused_fixed_processors_are_noted(source: ProcessorSource, codes: list[
     experiment = an_experiment(None).with_processors(ProcessorNumber(number=2, source=source))
     setting = replace(a_setting(54, a_series("vision", [40.0] * 60)), used_processors=1)
 
-    found = list(findings_of(experiment, Sufficient(reserve=54, failed=53), (setting,), first_line("")))
+    found = list(unused_processors([(experiment, 54, (setting,))], first_line("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
-    assert all("1.08 LP becomes 0.54 LP" in diagnostic.detail for diagnostic in found)
+    assert all(diagnostic.detail == "With 1 VP instead of 2, less is enough: vision 0.54 LP." for diagnostic in found)
+
+
+def test_unused_processors_are_one_finding_a_host() -> None:
+    number = ProcessorNumber(number=2, source=ProcessorSource.MANIFEST)
+    setting = replace(a_setting(54, a_series("vision", [40.0] * 60)), used_processors=1)
+    answers = [(an_experiment(None).with_processors(number), reserve, (setting,)) for reserve in (54, 20)]
+
+    (found,) = unused_processors(answers, first_line(""))
+
+    assert found.detail == "With 1 VP instead of 2, less is enough: vision 0.54 LP, vision 0.2 LP."
+    assert (found.place, found.address) == (None, "host/onboard")
+    assert found.values["reserve_percent"] == ("54", "20")
 
 
 def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:

@@ -119,7 +119,7 @@ def test_early_end_says_remaining_settings() -> None:
 def test_unspent_saving_is_named() -> None:
     result = replace(found(105.0), conclusion=Sufficient(reserve=60, failed=51, down_to=52))
 
-    assert "vision: could be down to 1.04 LP" in " ".join(text([result]).split())
+    assert "Could be down to 1.04 LP for vision." in " ".join(text([result]).split())
     assert '"down_to_lp": 1.04' in json_of(outcome_of(result))
     check(json_of(outcome_of(result)))
 
