@@ -25,6 +25,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem, by_name
 from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.task_classes import budget_percent
+from rarms_iac.texts.findings import DIFFERENT
 from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.quantities import show_bytes, show_milliseconds, write_bytes
 
@@ -219,7 +220,7 @@ def other_governor(seen: SeenHost, measured: Sequence[Measured], places: Places)
         return
     components = tuple(sorted({name for names, _ in others for name in names}))
     governors = tuple(sorted({each for _, found in others for each in found} - {now}))
-    yield planning_findings.OTHER_GOVERNOR.of_host(
+    yield DIFFERENT.of_host(
         seen.name,
         "{host} uses the governor {governor}; {components:all} {_were} measured with {_measured}. Jobs may take more "
         "or less time than measured.",

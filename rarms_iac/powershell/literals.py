@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.texts.findings import Finding
+from rarms_iac.texts.findings import SCRIPT_REFUSED
 from rarms_iac.texts.messages import quoted
 
 Scalar = bool | int | str
@@ -85,8 +85,6 @@ def _parts(plain: bool, units: list[int]) -> list[str]:
 if TYPE_CHECKING:
     from tree_sitter import Node, Parser
 
-UNREADABLE = Finding.error("RARMS201", "A script cannot be read as PowerShell")
-
 
 @cache
 def parser() -> "Parser":
@@ -114,7 +112,7 @@ def unreadable(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     )
     advice = prose(f"{other}, or write the script again: ", again, ".")
     place = Place(file=name, line=line, column=1)
-    return (UNREADABLE.at(place, "{reason}.", advice, script=name, reason=problem),)
+    return (SCRIPT_REFUSED.at(place, "{reason}.", advice, script=name, reason=problem),)
 
 
 def _problem_in_bytes(script: bytes) -> tuple[int, str] | None:

@@ -55,7 +55,7 @@ def test_a_script_that_measures() -> None:
 def test_unreadable_script_names_its_line(script: bytes, line: int, reason: str) -> None:
     (found,) = unreadable(script, "cell.ps1")
 
-    assert (found.code, found.place and found.place.line) == ("RARMS201", line)
+    assert (found.code, found.place and found.place.line) == ("RARMS251", line)
     assert reason in found.detail
 
 

@@ -90,7 +90,7 @@ def test_little_memory_and_another_governor_are_warnings(here: Path) -> None:
     assert "warning[RARMS127]" in answer.out
     assert "vision used up to 480 MiB in the measurement, and has 512 MiB." in " ".join(answer.out.split())
     assert "Write `memory: 576 MiB` or more" in " ".join(answer.out.split())
-    assert "RARMS406" not in answer.out, "the simulated host has no governor"
+    assert "RARMS105" not in answer.out, "the simulated host has no governor"
 
     manifest = load_manifest(ManifestSource(manifest=str(here)))
     onboard = unseen(manifest.system.hosts["onboard"], "robot")
