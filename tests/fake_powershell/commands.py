@@ -270,6 +270,6 @@ def piped(node: Node) -> Pipe:
 
 
 def _sorted(held: list[Value], *, descending: bool) -> list[Value]:
-    if all(isinstance(item, int) for item in held):
-        return sorted(held, key=number, reverse=descending)
-    return sorted(held, key=lambda item: text(item).lower(), reverse=descending)
+    if not all(isinstance(item, int) for item in held):
+        raise Unsupported("Sort-Object of text: its order depends on the culture")
+    return sorted(held, key=number, reverse=descending)

@@ -52,7 +52,7 @@ def static_property(kind: str, name: str, scope: Scope) -> Value:
             return Enumerated(name)
         case "io.fileattributes", "reparsepoint":
             return REPARSE_POINT
-        case "io.filemode" | "io.fileaccess" | "io.fileshare" | "security.principal.windowsbuiltinrole", _:
+        case "security.principal.windowsbuiltinrole", _:
             return Enumerated(name)
         case _:
             raise Unsupported(f"[{kind}]::{name}")

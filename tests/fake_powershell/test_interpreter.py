@@ -85,9 +85,10 @@ def test_strict_mode_and_strict_binding_stop_a_script(says: str) -> None:
     assert told(says) == ["exit 1"]
 
 
-@pytest.mark.parametrize(
-    "says", ["Out -W 1", "Out 1", "Invoke-Expression -Command 'x'", "Get-VM", "$x = @{ a = 1; A = 2 }", "1..3"]
-)
+BY_CULTURE = ("$x = @{ a = 1; A = 2 }", "Out -V (@('b', 'a') | Sort-Object)", "Out -V (('a' + [char] 0x00ad) -ceq 'a')")
+
+
+@pytest.mark.parametrize("says", ["Out -W 1", "Out 1", "Invoke-Expression -Command 'x'", "Get-VM", "1..3", *BY_CULTURE])
 def test_unsupported_is_told_and_never_guessed(says: str) -> None:
     with pytest.raises(Unsupported):
         told(says)

@@ -395,6 +395,26 @@ def test_waiting_for_another_run_is_limited(frees_s: int, code: int) -> None:
     assert ("locked by engineer@DESK, process 9" in ran.says) is (code == 3)
 
 
+def test_run_starts_while_another_one_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    host.write_file(FOLDER, None)
+    path = f"{FOLDER}\\owner.txt"
+    host.write_file(path, b"engineer@DESK, process 9")
+    asked: list[Any] = []
+
+    def ends(scope: Any, given: Any) -> Any:
+        if str(given["literalpath"]) == path and not asked:
+            asked.append(host.files.pop(path.lower()))
+        return cmdlets.get_acl(scope, given)
+
+    monkeypatch.setitem(cmdlets.CMDLETS, "get-acl", ends)
+
+    ran = apply(host, prepared.plan)
+
+    assert (ran.code, len(asked)) == (0, 1), ran.says
+
+
 def test_folder_is_protected_before_opening_anything() -> None:
     prepared = fresh()
     whole = calls(prepared)

@@ -347,7 +347,7 @@ def same(left: Value, right: Value, *, case: bool) -> bool:
             except ScriptError:
                 return False
         case str():
-            return not is_null(right) and _folded(str(left), case) == _folded(text(right), case)
+            return not is_null(right) and _same_text(str(left), text(right), case)
         case Enumerated() | Guid():
             return not is_null(right) and str(left).lower() == text(right).lower()
         case _:
@@ -358,6 +358,9 @@ WIDTHLESS = dict.fromkeys(map(ord, "\0\u00ad\u200b\u200c\u200d\u2060\ufeff"))
 """Characters that comparing by culture, as PowerShell does, takes no notice of."""
 
 
-def _folded(value: str, case: bool) -> str:
-    seen = value.translate(WIDTHLESS)
-    return seen if case else seen.lower()
+def _same_text(left: str, right: str, case: bool) -> bool:
+    if not case:
+        left, right = left.lower(), right.lower()
+    if left != right and left.translate(WIDTHLESS) == right.translate(WIDTHLESS):
+        raise Unsupported(f"{left!r} and {right!r}: only an ordinal comparison tells them apart")
+    return left == right

@@ -17,7 +17,7 @@ CONSTRUCTS = words(
     range_argument_expression range_expression unary_expression
     program statement_list statement_block script_block script_block_body script_block_expression pipeline
     pipeline_chain command command_name command_name_expr command_elements command_argument_sep command_parameter
-    command_invokation_operator path_command_name path_command_name_token generic_token comment
+    command_invokation_operator path_command_name generic_token comment
     assignment_expression assignement_operator left_assignment_expression variable simple_name
     string_literal verbatim_string_characters integer_literal decimal_integer_literal hexadecimal_integer_literal
     real_literal hash_literal_expression hash_literal_body hash_entry key_expression
@@ -34,13 +34,11 @@ CONSTRUCTS = words(
 READING_CMDLETS = words(
     r"""
     Hyper-V\Get-VM Hyper-V\Get-VMHost Hyper-V\Get-VMHostNumaNode Hyper-V\Get-VMProcessor Hyper-V\Get-VMMemory
-    Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VHD Hyper-V\Get-VMFirmware
-    Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch Hyper-V\Get-VMSecurity
+    Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VHD Hyper-V\Get-VMFirmware Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch
     ConvertTo-Json Get-Acl Get-CimInstance Get-ExecutionPolicy Get-Module
     Get-WinEvent Join-Path Set-StrictMode Start-Sleep
     Microsoft.PowerShell.Core\Where-Object Microsoft.PowerShell.Management\Get-ChildItem
     Microsoft.PowerShell.Management\Get-Item
-    Microsoft.PowerShell.Management\Test-Path Microsoft.PowerShell.Utility\Sort-Object
     """
 )
 CMDLETS = READING_CMDLETS | words(
@@ -54,13 +52,15 @@ CMDLETS = READING_CMDLETS | words(
     Write-Information Write-Progress Write-Verbose
     Get-Command Microsoft.PowerShell.Core\Get-Command Microsoft.PowerShell.Utility\Get-Alias
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
+    Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VMSecurity
+    Microsoft.PowerShell.Management\Test-Path Microsoft.PowerShell.Utility\Sort-Object
     """
 )
 
 READING_TYPES = words(
     """
-    CmdletBinding Parameter bool byte byte[] char int long ordered regex scriptblock string string[] switch void
-    Diagnostics.CodeAnalysis.SuppressMessageAttribute Environment IntPtr
+    CmdletBinding bool char int long ordered regex scriptblock string string[] switch void
+    Environment IntPtr
     System.BitConverter System.IO.BinaryReader System.IO.File System.IO.FileStream System.IO.IOException
     System.Management.Automation.ItemNotFoundException System.UnauthorizedAccessException
     System.Security.Cryptography.SHA256 System.Text.Encoding
@@ -73,46 +73,42 @@ TYPES = READING_TYPES | words(
     Array Console DateTime OutputType guid hashtable pscustomobject ref System.Collections.IDictionary System.Convert
     System.Diagnostics.EventLog
     System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
-    System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode
+    System.IO.Directory System.IO.FileAttributes
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
     System.StringComparer System.StringComparison WildcardPattern
-    System.IO.FileShare
+    Diagnostics.CodeAnalysis.SuppressMessageAttribute Parameter byte[]
     """
 )
 
-_HYPERV_MEMBERS = words(
+READING_MEMBERS = words(
     """
-    AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
-    Generation Id LogicalProcessorCount Maximum MemoryAssigned MemoryStartup Name Notes ParentPath Path ProcessorCount
-    ProcessorsAvailability RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State
-    VhdType VirtualHardDiskPath VMId VMName
-    """
-)
-READING_MEMBERS = _HYPERV_MEMBERS | words(
-    """
-    ASCII Administrator AutomaticStartDelay ComputeHash Create Dispose Exists
+    AutomaticStartAction AutomaticStopAction CheckpointType Count DynamicMemoryEnabled
+    Generation Id LogicalProcessorCount Maximum Name Notes ParentPath Path
+    RelativeWeight Reserve SecureBoot SecureBootTemplate Startup State
+    VhdType VirtualHardDiskPath VMId
+    ASCII Administrator ComputeHash Create Dispose Exists
     GetBytes GetEncoding GetString Length Substring ToString Trim
     Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
-    FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
-    GuestIntrinsicExchangeItems HResult HypervisorPresent Keys InstanceID IsActive IsInRole LanguageMode MachineName
-    MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
+    FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
+    GuestIntrinsicExchangeItems HResult HypervisorPresent Keys InstanceID IsInRole LanguageMode MachineName
+    MemoryAvailable MemoryCapacity MemoryTotal Message NumaSpanningEnabled NumberOfCores
     NumberOfLogicalProcessors OperationalStatus PSChildName PSEdition PSObject PSVersion Properties Replace
-    ReadBytes Reservation Scope SessionState Size SwitchName
-    SystemName ToLowerInvariant Value Version VirtualMachinePath new
+    ReadBytes Reservation Scope SessionState Size
+    SystemName ToLowerInvariant Value Version new Equals
     """
 )
 MEMBERS = READING_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
-    Cores Create CreateDirectory Delete Detail Enabled Equals Fits Flush
+    Cores Create CreateDirectory Delete Detail Enabled Fits Flush
     GetAttributes GetBytes Guest
     CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Major Memory Move MyCommand Needs
-    Number Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    ContainsKey Detail Identity Read ReadWrite Remove ReadAllBytes ReparsePoint Run ScriptLineNumber Serial
+    Number Ordinal Percent Plan Position PrimaryOperationalStatus Processors
+    ContainsKey Detail Identity Read Remove ReadAllBytes ReparsePoint Run ScriptLineNumber Serial
     BoundParameters MyInvocation Purpose Robot Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
-    Row UndoDigest Undoes UserName UtcNow WaitOne Write closing data kind number plan record run
-    application history purpose robot serials set started_at started_by status touched
+    Row UndoDigest Undoes UserName UtcNow Write closing data kind number plan run
+    application history purpose robot serials started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
     ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
@@ -124,15 +120,18 @@ MEMBERS = READING_MEMBERS | words(
     Preview ScriptPath Test WriteEntry InDesiredState module script undo
     Escape GetFileName GetProcessById UTF8 GetUnresolvedProviderPathFromPSPath OrdinalIgnoreCase
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
+    BootOrder BootType FullName MemoryAssigned MemoryStartup ProcessorCount ProcessorsAvailability ReplicationMode
+    Shielded
     """
 )
 
 OPERATORS = words(
     """
-    , = += -= ++ + - * / . :: | -band -ccontains -ceq -clike -cmatch -cne -cnotcontains -cnotmatch -creplace -eq -f
-    -ge -gt -join -le -lt -ne -not -notcontains -or -and -replace -split
+    , = += -= ++ + - * / . :: | -band -ccontains -ceq -clike -cmatch -cne -cnotcontains -cnotmatch -creplace -csplit -eq
+    -f -ge -gt -join -le -lt -ne -not -or -and
     """
 )
+"""Those on patterns tell case: the others, `-match` or `-replace`, fold it by the culture of the user."""
 
 VARIABLES = words(
     "$_ $args $true $false $null $env:OS $env:ProgramData $env:RARMS_RECEIVER $ExecutionContext $PSVersionTable "

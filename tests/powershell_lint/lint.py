@@ -81,10 +81,18 @@ def _constructs(script: Script) -> Iterator[Problem]:
                 yield node, f"& runs {text}, which is not named"
             case "variable" if text.startswith("@"):
                 yield node, f"{text} hides which parameters are given"
+            case "comparison_expression" if _compares_text_by_culture(node):
+                yield node, f"{text} compares text by culture, without case: ask Test-Same"
             case "member_name" if [child.type for child in node.children] != ["simple_name"]:
                 yield node, f"the member {text} is named by a value"
             case _:
                 pass
+
+
+def _compares_text_by_culture(node: Node) -> bool:
+    """Whether an operand of -eq or -ne is text by its form; the stand-in finds the others that matter."""
+    parts = [text_of(child) for child in node.children]
+    return len(parts) == 3 and parts[1] in {"-eq", "-ne"} and any(part.startswith(("'", "[string]")) for part in parts)
 
 
 _OPERATORS = ("comparison_operator", "format_operator", "assignement_operator")

@@ -12,10 +12,11 @@ from rarms_iac.powershell.literals import unreadable
 from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, ScriptForm, module_text, template_text
 from rarms_iac.providers.hyperv.transport import render_installed_receiver, render_loader, render_receiver
+from tests.powershell_lint import allowed
 from tests.powershell_lint.allowed import PLAN_CALLS
-from tests.powershell_lint.filled import HOST_PLAN, measuring_script, scripts
+from tests.powershell_lint.filled import HOST_PLAN, everything, measuring_script, scripts
 from tests.powershell_lint.lint import problems
-from tests.powershell_lint.tree import calls_of, parse, plan_of
+from tests.powershell_lint.tree import calls_of, parse, plan_of, text_of, walk
 from tests.unit.powershell.plans import all_changes, rendered_plan
 
 SCRIPTS = {name: text.decode("ascii") for name, text in scripts().items()}
@@ -104,6 +105,32 @@ def test_plans_call_only_what_rarms_writes() -> None:
     assert called == PLAN_CALLS
 
 
+LISTS = {
+    "type_spec": (allowed.TYPES, allowed.READING_TYPES),
+    "member_name": (allowed.MEMBERS, allowed.READING_MEMBERS),
+    "command_name_expr": (allowed.BLOCKS, frozenset[str]()),
+    "variable": (allowed.VARIABLES, frozenset[str]()),
+    "assignment_expression": (allowed.PINS, frozenset[str]()),
+}
+"""What all scripts and what observe.ps1 may have, by the kind of node."""
+
+
+@pytest.mark.parametrize("reading", [False, True])
+def test_lists_permit_only_what_scripts_have(reading: bool) -> None:
+    texts = [render_observe()] if reading else [*everything().values(), *scripts(ScriptForm.SINGLE).values()]
+    more = [] if reading else render_scripts(*rendered_plan(of_a_cluster())).values()
+    trees = [parse(text.decode("ascii")) for text in (*texts, *more)]
+    nodes = [node for tree in trees for node in walk(tree)]
+    unused = {
+        kind: lists[reading] - {text_of(node) for node in nodes if node.type == kind} for kind, lists in LISTS.items()
+    }
+    cmdlets = allowed.READING_CMDLETS if reading else allowed.CMDLETS
+    unused["command"] = cmdlets - {call.name for tree in trees for call in calls_of(tree)}
+    unused["construct"] = (frozenset() if reading else allowed.CONSTRUCTS) - {node.type for node in nodes}
+
+    assert {kind: names for kind, names in unused.items() if names} == {}
+
+
 BAD = {
     "a parameter misspelt": "Hyper-V\\Get-VMProcessor -VN $x",
     "a parameter shortened": "Hyper-V\\Set-VMProcessor -VM $x -Reserv 5",
@@ -135,6 +162,9 @@ BAD = {
     "a trap": "trap { continue }",
     "a class": "class X { }",
     "a function over a cmdlet": "function Get-Item { 1 }",
+    "text that is compared by culture": "if ([string] $x -eq 'y') { 1 }",
+    "a pattern by culture": "$x -replace 'i', 'j'",
+    "lower case by culture": "$x.ToLower()",
     "a key that would be emptied": "New-Item -Path 'x' -Force",
     "keys that would be removed": "Remove-Item -LiteralPath 'x' -Recurse",
     "a function's parameter misspelt": "function Read-It {\n    param($Name)\n    $Name\n}\nRead-It -Nam 'x'",

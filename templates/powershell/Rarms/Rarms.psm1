@@ -21,7 +21,7 @@ $ConfirmPreference = 'None'
 $script:Whole = @{ Address = 'host'; Number = 0 }  # used in events that are not about a step
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 # SHA-256 of observe.ps1 in this folder, to the byte before a signature.
-$script:Observe = '8bbf8a6f27e5a01dcc23ff07634cfe30044b2c322be4e64c21b32a6f10b7ba7f'
+$script:Observe = '461cdc62967a0377d1e48cb60d3007bd65b1a71e873dadc17275cf9bef36b0b3'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
@@ -184,9 +184,8 @@ function Resolve-Script {
     param([string] $Path)
     if (-not $Path) { throw '-Path is missing: give the script of a plan' }
     $whole = $PSCmdlet.GetUnresolvedProviderPathFromPSPath($Path)
-    $text = 'the script {0} does not exist: give the script of a plan'
-    if (-not ([System.IO.File]::Exists($whole))) { throw ($text -f $whole) }
-    $whole
+    if ([System.IO.File]::Exists($whole)) { return $whole }
+    throw ('the script {0} does not exist: give the script of a plan' -f $whole)
 }
 
 function Initialize-Run {
@@ -201,8 +200,7 @@ function Initialize-Run {
     $script:Run = $Run              # values from the script
     $script:Result = if ($Run['ScriptPath']) { $Run.ScriptPath + '.result.json' } else { '' }
     $script:Preview = $Run.Preview -or $Run.Test
-    # With it, a call by mistake changes nothing.
-    $script:WhatIfPreference = $script:Preview
+    $script:WhatIfPreference = $script:Preview  # so that a call by mistake changes nothing
     $script:Known = Get-OrdinalTable  # by address: the reading, until a step changes something
     $script:Listing = $false        # whether to search all machines instead of asking for one id
     $script:Skipped = Get-OrdinalTable  # by address: the declined step
@@ -355,7 +353,7 @@ function Assert-Host {
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) { $ahead[$at + ' ' + $name] = $true }
     }
     $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
-    foreach ($at in @($made.Keys | Microsoft.PowerShell.Utility\Sort-Object)) {
+    foreach ($at in @(Get-Sorted -Text @($made.Keys))) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]
         $wanted = $made[$at].After
@@ -515,8 +513,7 @@ function Get-Difference {
     if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
         return 'it does not exist on this host any more: make a new plan'
     }
-    $names = @($Name | Microsoft.PowerShell.Utility\Sort-Object)  # tables are unordered
-    $Text + ($names -join ', ') + '; make a new plan'
+    $Text + (@(Get-Sorted -Text $Name) -join ', ') + '; make a new plan'
 }
 
 function Get-OrdinalTable {
@@ -524,6 +521,12 @@ function Get-OrdinalTable {
         Justification = '5.1 compares the keys of a literal by the culture of the user.')]
     param([System.Collections.IDictionary] $From = @{})
     [hashtable]::new($From, [System.StringComparer]::Ordinal)
+}
+
+function Get-Sorted {
+    param([string[]] $Text)  # Sort-Object compares by the culture of the user
+    [Array]::Sort($Text, [System.StringComparer]::Ordinal)
+    $Text
 }
 
 function Test-Agreed {
@@ -633,7 +636,7 @@ function Show-State {
         }
     })
     if (-not $script:Run.AsJson) { return $all }
-    $wanted = @(foreach ($one in $all) { $one.InDesiredState }) -notcontains $false
+    $wanted = @(foreach ($one in $all) { $one.InDesiredState }) -cnotcontains $false
     ConvertTo-AsciiJson -Value ([ordered] @{
         script = $script:Run.ScriptPath; plan = $script:Plan.Plan; _inDesiredState = $wanted; steps = $all
     })
@@ -710,8 +713,7 @@ function Lock-Host {
 function Unlock-Host {
     if ($null -eq $script:Handle) { return }
     $script:Handle.Dispose()
-    # Another run may have locked it.
-    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message 'another run has locked it' }
 }
 
 function Assert-NoLink {
@@ -730,6 +732,8 @@ function Assert-Owner {
         (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     }
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
+    # The run of the owner's file may have ended meanwhile.
+    if ($Path -ceq $script:OwnerFile -and -not (Microsoft.PowerShell.Management\Test-Path -LiteralPath $Path)) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: check the file, then remove it' -f $Path, $owner)
 }
 
@@ -737,13 +741,12 @@ function Assert-Owner {
 function Import-Journal {
     # Read the complete records of the last run. Drop an incomplete last record; anything else is damage.
     if (-not $script:Preview) { Remove-Unused }
-    # Read bytes: a text reader hides a byte order mark.
     $whole = Read-SharedFile -Path $script:Journal
     if ($null -eq $whole) { return }
     foreach ($path in @($script:Folder, $script:Journal)) { Assert-Owner -Path $path }
     $damage = $script:Journal + ' is damaged: check the result of the last run, then remove the file'
     $torn = $false
-    foreach ($line in @($whole -split '(?<=\n)')) {
+    foreach ($line in @($whole -csplit '(?<=\n)')) {
         if ($torn -and $line) { throw $damage }
         if (-not $line) { continue }
         $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
@@ -846,7 +849,7 @@ function Write-FirstRecord {
         # Write text without the T of ISO dates, which 7 would read as a date. A cast does not depend on the culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past); serials = $script:Serials
-        touched = @($script:Touched.Keys | Microsoft.PowerShell.Utility\Sort-Object); kind = 'run_started'
+        touched = @(Get-Sorted -Text @($script:Touched.Keys)); kind = 'run_started'
     }
     if ($script:Run.ModulePath) {
         $record['module'] = Get-OrdinalTable
@@ -968,7 +971,7 @@ function Find-Machine {
     if (-not $script:Listing -and -not $script:Known.Contains('machines')) {
         try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
     }
-    foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
+    foreach ($vm in @(Get-MachineList)) { if (Test-Same -AnyCase -Left ([string] $vm.Id) -Right $Machine) { $vm } }
 }
 
 function Get-MachineList {
@@ -998,14 +1001,13 @@ function Read-Device {
 
 function Test-Unread {
     param([System.Collections.IDictionary] $Live, [string[]] $Name)
-    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
-    $false
+    @(foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { $one } }).Count -gt 0
 }
 
 function Get-Mark {
     # The mark in a machine's notes. A mark with the id of another machine, or two marks, do not count.
     param($Vm)
-    $found = @(foreach ($line in @([string] $Vm.Notes -split '\n')) { if ($line -cmatch $script:MarkForm) { $line } })
+    $found = @(foreach ($line in @([string] $Vm.Notes -csplit '\n')) { if ($line -cmatch $script:MarkForm) { $line } })
     $sound = $found.Count -eq 1 -and -not (Test-Replica -Vm $Vm) -and $found[0] -cmatch $script:MarkForm
     if ($sound -and $Matches['vm'] -ceq ([string] $Vm.Id).Substring(0, 8).ToLowerInvariant()) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
@@ -1230,8 +1232,7 @@ function Get-CoreCount {
     param($Cpu, [long] $Processors)
     if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
     $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
-    # Without SMT, it leaves the other thread of each core idle.
-    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
+    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }  # then the second threads idle
     ($Processors + ($Processors -band 1)) / 2
 }
 
@@ -1331,8 +1332,7 @@ function Get-TaskClassReading {
     $live['exists'] = $false
     foreach ($name in @('values', 'record', 'robot', 'set')) { $live[$name] = '' }
     $live['empty'] = Test-EmptyKey -Task $Task
-    [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
-    [Array]::Sort($names, [System.StringComparer]::Ordinal)
+    $names = @(Get-Sorted -Text @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() }))
     foreach ($name in $names) {
         $key = Microsoft.PowerShell.Management\Get-Item -LiteralPath (Get-TaskPath -Task $Task)
         $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
@@ -1382,7 +1382,7 @@ function Write-TaskValue {
 
 function Remove-TaskValue {
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
-    $listed = if ($Keep) { @($Keep -split ', ') } else { @($Name) }
+    $listed = if ($Keep) { @($Keep -csplit ', ') } else { @($Name) }
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
         $is = @(foreach ($other in $listed) { if (Test-Same -AnyCase -Left $one -Right $other) { $other } }).Count -gt 0
         if ($is -ne [bool] $Keep) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
@@ -1483,7 +1483,7 @@ function Save-TaskRecord {
     } elseif ($live['exists']) {
         $values = Get-OrdinalTable
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
-            $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
+            $kind, $data = $live['value:' + $name.ToLowerInvariant()] -csplit ':', 2
             if ($kind -cne 'sz') { $data = [long] $data }
             $values[$name] = [ordered] @{ kind = $kind; data = $data }
         }
@@ -1558,7 +1558,7 @@ function Receive-RarmsPlan {
         $size = [int] $ascii.GetString($reader.ReadBytes(8))
         $data = $reader.ReadBytes($size)
         if ($size -eq 0 -or $data.Length -ne $size) { throw 'the input ended too early; run rarms apply again' }
-        $table = @($ascii.GetString($data) -split '\n')
+        $table = @($ascii.GetString($data) -csplit '\n')
         $known = $table[0] -cmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$'
         if (-not $known) { throw 'invalid arguments: start the receiver only with rarms apply' }
         if ($env:OS -cne 'Windows_NT') { $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName } else {
@@ -1572,7 +1572,7 @@ function Receive-RarmsPlan {
         }
         $main = ''
         for ($at = 1; $at -lt $table.Count; $at++) {
-            $part = @($table[$at] -split ' ')
+            $part = @($table[$at] -csplit ' ')
             $known = $part[0] -cmatch '^([a-z0-9][a-z0-9.-]*\.ps1|Rarms/Rarms\.ps[dm]1)$'
             if (-not $known) { throw 'invalid file name: start the receiver only with rarms apply' }
             $data = $reader.ReadBytes([int] $part[1])
@@ -1607,7 +1607,7 @@ function Receive-RarmsPlan {
         } finally { Wait-Child -Child $child -Script $main }
         $child.ExitCode
     } catch {
-        [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
+        [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -creplace '\s+', ' '))
         90
     } finally {
         # Last: a file in it asks a running child to stop.
@@ -1666,5 +1666,5 @@ function Protect-Path {
 function Get-Sha256 {
     param([byte[]] $Data)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Data.Length)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Data.Length)) -creplace '-', '').ToLowerInvariant()
 }

@@ -124,7 +124,7 @@ function Use-Setting {
     param([string] $Next)
     Stop-Work
     $script:Setting = $Next
-    $words = @(($Next -creplace '\.$', '') -split ' ')
+    $words = @(($Next -creplace '\.$', '') -csplit ' ')
     if ($words[1] -ceq 'rest') { return }
     foreach ($grows in @($false, $true)) {
         for ($at = 0; $at -lt $script:Tests.Count; $at++) {
@@ -200,7 +200,7 @@ function Write-Counter {
             }
             $seen[$of] = $more
         }
-        foreach ($of in @($seen.Keys | Microsoft.PowerShell.Utility\Sort-Object)) {
+        foreach ($of in @(Get-Sorted -Text @($seen.Keys))) {
             $name = 'Hyper-V Hypervisor ' + $set
             if ($of) { $name += '(' + $of + ')' }
             Write-Seen -Name $name -Seen ('counted ' + $due + ' ' + ($seen[$of] -join ' '))

@@ -59,7 +59,7 @@ function Get-GuestSecret {
     if ($null -eq $text) { Exit-Run -Detail ('the credential {0} is missing' -f $path) }
     Assert-Owner -Path $path
     $data = [System.Text.Encoding]::GetEncoding(28591).GetBytes($text)
-    $lines = @([System.Text.Encoding]::UTF8.GetString($data) -split '\r?\n')
+    $lines = @([System.Text.Encoding]::UTF8.GetString($data) -csplit '\r?\n')
     try { $password = ConvertTo-SecureString -String $lines[1] }
     catch {
         $text = '{0} was written by another user or on another computer. Write it again here, as {1}: '

@@ -115,21 +115,6 @@ TEXTS = {
 }
 templates = pytest.mark.parametrize("name", TEXTS)
 
-BY_CULTURE = re.compile(
-    r"-(i?match|i?notmatch|i?like|i?notlike|csplit)|ToLower|ToUpper|ToTitleCase|CompareTo|StartsWith", re.IGNORECASE
-)
-ORDINAL = {"ToLowerInvariant", "ToUpperInvariant"}
-
-
-@templates
-def test_no_word_of_template_depends_on_culture(name: str) -> None:
-    """`-cmatch` and its like tell case; `-eq`, `-contains` and `-replace` go by the invariant culture."""
-    leaves = [node for node in walk(parse(TEXTS[name])) if node.child_count == 0]
-    found = [text_of(leaf) for leaf in leaves if leaf.type not in {"comment", "verbatim_string_characters"}]
-
-    assert [word for word in found if BY_CULTURE.fullmatch(word) and word not in ORDINAL] == []
-    assert not [word for word in found if word.lower().endswith(("tolower", "toupper"))]
-
 
 @templates
 def test_no_number_is_shaped_by_the_culture(name: str) -> None:
