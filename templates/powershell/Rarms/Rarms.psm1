@@ -199,8 +199,8 @@ function Initialize-Run {
     $script:Handle = $null          # of the owner's file while this run holds the lock; it closes with the process
     $script:Run = $Run              # values from the script
     $script:Result = if ($Run['ScriptPath']) { $Run.ScriptPath + '.result.json' } else { '' }
-    $script:Preview = $Run.Preview -or $Run.Test
-    $script:WhatIfPreference = $script:Preview  # so that a call by mistake changes nothing
+    $script:Preview = $Run.Preview -or $Run.Test  # in a preview, a call by mistake changes nothing
+    $script:WhatIfPreference = $script:Preview
     $script:Known = Get-OrdinalTable  # by address: the reading, until a step changes something
     $script:Listing = $false        # whether to search all machines instead of asking for one id
     $script:Skipped = Get-OrdinalTable  # by address: the declined step
