@@ -5,7 +5,7 @@
 
 import json
 import signal as signals
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 LONGEST_LINE = 64 * 1024
@@ -86,8 +86,13 @@ class LineCutter:
         return events
 
 
+def named_end(ended: ProcessEnded, sampled: str) -> ProcessEnded:
+    """Return an end with the name of the process also where it is the one with the samples, which is `sampled`."""
+    return replace(ended, process=ended.process or sampled)
+
+
 def ended_by_itself(ended: ProcessEnded) -> bool:
-    """Return whether the only process, or the one with the samples, ended by itself with exit code 0."""
+    """Return whether the only process of a component ended by itself with exit code 0."""
     return ended.code == 0 and ended.signal == 0 and not ended.process
 
 

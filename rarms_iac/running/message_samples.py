@@ -17,7 +17,7 @@ from typing import Any
 from rarms_iac.model.run import Command, Process, Run, Service, Stop
 from rarms_iac.model.series import HeardMessages, Sample
 from rarms_iac.running.environment import as_user, own_program
-from rarms_iac.running.events import OutputLine, ProcessEnded, describe_early_end
+from rarms_iac.running.events import OutputLine, ProcessEnded, describe_early_end, named_end
 from rarms_iac.running.message_pairs import MessageJob, MessagePairs
 from rarms_iac.running.orders import CannotStart, ProcessOrder, StartOrder
 from rarms_iac.running.samples import SampleRecord, SampleSource, SamplingEnd
@@ -218,7 +218,8 @@ class _MessageReader:
             began, self._silent_since = self._silent_since, now
             self._pairs.restart()
             self._supervisor.start()
-            reason = describe_early_end(event) if event.signal or event.code or event.process else "it ended"
+            ended = named_end(event, self._record.run.samples.process)
+            reason = describe_early_end(ended) if ended.signal or ended.code or ended.process else "it ended"
             return [] if was_stopped else [(self._record.failure(began, reason), now)]
         patience = max(START_S, self._record.timeout)
         if self._is_stopping or now < self._silent_since + patience:

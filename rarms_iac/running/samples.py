@@ -18,6 +18,7 @@ from rarms_iac.running.events import (
     describe_death,
     describe_early_end,
     ended_by_itself,
+    named_end,
 )
 from rarms_iac.running.orders import CannotStart
 from rarms_iac.running.reading import (
@@ -214,9 +215,10 @@ class _LineReader:
             case OverlongLine():
                 return self._of_line(LONG_LINE, at)
             case ProcessEnded():
-                if ended_by_itself(event) and self._now.samples > 0:
+                ended = named_end(event, self._record.run.samples.process)
+                if ended_by_itself(ended) and self._now.samples > 0:
                     return None
-                return self._record.failure(self._now.last, self._without_sample(describe_early_end(event)))
+                return self._record.failure(self._now.last, self._without_sample(describe_early_end(ended)))
             case None:
                 timeout = show_milliseconds(self._record.run.timeout)
                 return self._give_up(self._without_sample(f"no sample within {timeout}"))
@@ -326,10 +328,9 @@ def _one_job(supervisor: Supervisor, record: SampleRecord, due: float | None) ->
 def _sample(record: SampleRecord, scheduled: float, job: _Job) -> Sample:
     if job.late:
         return record.failure(scheduled, f"no exit within {show_milliseconds(record.run.timeout)}")
+    named = named_end(job.ended, record.run.samples.process)
     if job.ended.signal:
-        return record.failure(scheduled, describe_death(job.ended))
-    if job.ended.process:
-        return record.failure(scheduled, describe_early_end(job.ended))
-    if job.ended.code and not record.run.rates_success:
-        return record.failure(scheduled, describe_early_end(job.ended))
+        return record.failure(scheduled, describe_death(named))
+    if job.ended.process or (job.ended.code and not record.run.rates_success):
+        return record.failure(scheduled, describe_early_end(named))
     return record.answered(scheduled, 1000 * (job.ended.at - scheduled), successful=job.ended.code == 0)

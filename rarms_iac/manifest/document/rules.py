@@ -50,6 +50,18 @@ _SAMPLED_PROCESS = {
     "else": {"properties": {"samples": {"not": {"required": ["process"]}}}},
 }
 
+_NO_RESTART_OF_ONE = {
+    "properties": {
+        "processes": {
+            "additionalProperties": {
+                "properties": {
+                    "service": {"properties": {"properties": {"properties": {"Restart": {"const": "no"}}}}},
+                },
+            },
+        },
+    },
+}
+
 _MESSAGES_IN_TIME = {
     "if": {"properties": {"samples": _WITH_MESSAGES}, "required": ["samples"]},
     "then": {"required": ["timeout"], "not": {"required": ["call"]}},
@@ -68,7 +80,7 @@ RULES: Mapping[type, Mapping[str, Any]] = {
     Process: {"oneOf": [{"required": [name]} for name in STARTED], "allOf": [_NO_SETUP_OF_CONTAINERS]},
     Run: {
         "oneOf": [{"required": [name]} for name in (*STARTED, "call", "processes", "attach")],
-        "allOf": [_NO_SETUP_OF_CONTAINERS, _SAMPLED_PROCESS, _MESSAGES_IN_TIME, _ATTACHED_PRINTS],
+        "allOf": [_NO_SETUP_OF_CONTAINERS, _SAMPLED_PROCESS, _NO_RESTART_OF_ONE, _MESSAGES_IN_TIME, _ATTACHED_PRINTS],
     },
     Samples: {
         "allOf": [
@@ -117,6 +129,7 @@ def _components(document: Any) -> Iterator[BrokenRule]:
         for process, block in _mapping(run, "processes").items():
             if isinstance(block, dict):
                 yield from _started((*path, "processes", process), block, STARTED)
+                yield from _restarted((*path, "processes", process), block)
         samples = run.get("samples")
         if ("processes" in run) != (isinstance(samples, dict) and "process" in samples):
             missing = "processes" in run
@@ -136,6 +149,13 @@ def _started(path: tuple[str, ...], block: dict[str, Any], names: tuple[str, ...
         yield path, "rarms_exactly_one", {"names": " ".join(names)}
     if "setup" in block and "container" in block:  # the host's files do not hold inside
         yield path, "rarms_together", {"key": "setup", "needs": "a command, a call or a service", "missing": False}
+
+
+def _restarted(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[BrokenRule]:
+    properties = _mapping(_mapping(block, "service"), "properties")
+    if properties.get("Restart", "no") != "no":  # a process that ends fails the running sample, and all start again
+        facts = {"key": "Restart", "needs": "a service without `processes`", "missing": False}
+        yield (*path, "service", "properties"), "rarms_together", facts
 
 
 def _samples(path: tuple[str, ...], samples: Mapping[str, Any]) -> Iterator[BrokenRule]:

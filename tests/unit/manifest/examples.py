@@ -104,7 +104,6 @@ components:
               WorkingDirectory: /opt/robot
               SupplementaryGroups: video
               LimitMEMLOCK: 64M
-              Restart: on-failure
               Nice: -5
               CPUSchedulingPolicy: fifo
               CPUSchedulingPriority: 20
@@ -117,7 +116,10 @@ components:
       samples: { from: json_lines, process: detector, file: out/faces.jsonl }
   planner:
     criticality: 5
-    run: { command: [plan], setup: [install/setup.bash], samples: { from: json_lines, socket: planner.sock } }
+    run:
+      service: { exec: [plan], properties: { Restart: on-failure } }
+      setup: [install/setup.bash]
+      samples: { from: json_lines, socket: planner.sock }
   route:
     criticality: 4
     run: { attach: { container: nav2, engine: docker }, samples: { from: json_lines } }

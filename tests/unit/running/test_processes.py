@@ -53,6 +53,14 @@ def test_process_that_ends_fails_the_sample(tmp_path: Path) -> None:
     assert any(not sample.failure for sample in samples[first:])  # all of them were started again
 
 
+@pytest.mark.parametrize("code", [0, 3])
+def test_end_of_the_sampled_process_has_its_name(tmp_path: Path, code: int) -> None:
+    ends = f"\nsay(json.dumps({{'ms': 5}})); time.sleep(0.1); sys.exit({code})"
+    run = several(failures=9, until=4, camera=program("time.sleep(60)"), detector=program(ends))
+
+    assert set(failures(all_of(run, tmp_path))) == {f"its process detector ended with exit code {code}"}
+
+
 def test_none_stays_where_one_cannot_start(tmp_path: Path) -> None:
     broken = tmp_path / "broken"
     broken.write_text("does not contain a program", encoding="utf-8")
