@@ -89,7 +89,8 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     chosen = [desired for name, desired in hosts.items() if name in (request.hosts or observed)]
     planned = [_plan_host(request, desired, present) for desired in chosen]
     findings += [finding for _, _, of_host in planned for finding in of_host]
-    findings += _provisional([part for part, _, _ in planned], accepted=request.accept_provisional)
+    if not request.accept_provisional:
+        findings += _provisional([part for part, _, _ in planned])
     addresses = [address for _, of_host, _ in planned for address in of_host]
     findings += unknown_targets([*addresses, *sorted(request.gone)], request.targets)
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
@@ -123,24 +124,22 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     )
 
 
-def _provisional(parts: Sequence[HostPlan], *, accepted: bool) -> Iterator[Diagnostic]:
+def _provisional(parts: Sequence[HostPlan]) -> Iterator[Diagnostic]:
     """Yield one warning of all partitions whose reservation is provisional."""
     names = tuple(name for part in parts for name in part.provisional)
     if not names:
         return
-    needs_consent = any(part.needs_consent for part in parts) and not accepted
+    needs_consent = any(part.needs_consent for part in parts)
     consent = prose(" To apply this plan anyway: ", PLAN_OUT.also(accept_provisional=True), ".")
     yield PROVISIONAL.at(
         None,
-        "{_names} provisional: estimated in the first pass, without bounds.{_accepted}",
+        "{_names} provisional: estimated in the first pass, without bounds.",
         prose("Measure the rest: ", MEASURE, ".", *((consent,) if needs_consent else ())),
         address=f"partition/{names[0]}",
         partitions=names,
-        accepted=accepted,
         _names=(
             f"The reservation of {names[0]} is" if len(names) == 1 else f"The reservations of {in_a_row(names)} are"
         ),
-        _accepted=" You accepted provisional reservations." if accepted else "",
     )
 
 
