@@ -2,7 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
+import sys
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,12 +18,14 @@ from rarms_iac.model.loads import BusyLoop
 from rarms_iac.model.run import AttachedContainer, AttachedService, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.setting import P1, P2
 from rarms_iac.model.system import Component
+from rarms_iac.providers.cgroups import attach_target
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.measuring import PartitionWork, Work
 from tests.builders import a_component, a_host
-from tests.contracts.benches import forget_groups, groups_of
+from tests.contracts.benches import forget_groups, forget_host, groups_of, slice_of
 from tests.contracts.test_measuring_contract import ready
+from tests.unit.cli.running import rarms
 
 pytestmark = [pytest.mark.needs("control-groups", "podman"), pytest.mark.alone]
 LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
@@ -164,5 +169,90 @@ def test_what_cannot_be_held_is_refused(tmp_path: Path, container: str, monkeypa
     assert "does not have the container rarms-nobody" in refused(host, nav2("rarms-nobody"))
     assert "systemd does not run here" in refused(host, service)
 
-    monkeypatch.setattr(os, "getpid", lambda: process)
-    assert "contains rarms itself" in refused(host, nav2(container))
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "getpid", lambda: process)
+        assert "contains rarms itself" in refused(host, nav2(container))
+    with monkeypatch.context() as patched:
+        patched.setattr(type(host.tree), "members_below", lambda *_: (1, process))
+        assert "contains process 1, " in refused(host, nav2(container))
+    with monkeypatch.context() as patched:
+        patched.setattr(attach_target, "_name", lambda _: "sshd-session")
+        assert f"contains sshd-session ({process}), " in refused(host, nav2(container))
+
+    times = ("--sched-runtime=1000000", "--sched-deadline=20000000", "--sched-period=20000000")
+    subprocess.run(["chrt", "--deadline", *times, "--pid", "0", str(process)], check=True)
+    assert "has SCHED_DEADLINE, and a quota does not limit such a thread" in refused(host, nav2(container))
+
+
+def test_name_of_two_engines_is_ambiguous(tmp_path: Path, container: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rarms_iac.running.engines.shutil.which", lambda name: f"/usr/bin/{name}")
+    either = a_component("nav2", run=Run(attach=AttachedContainer(container=container), samples=LINES))
+
+    assert "docker and podman are installed, and both may have a container" in refused(the_host(tmp_path), either)
+
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: robot }}
+hosts:
+  onboard: {{ provider: linux, logical_processors: 2, memory: 1 GiB, linux: {{ slice: {slice} }} }}
+components:
+  nav2:
+    criticality: 1
+    apt: {{ mean_response_time: {{ at_most: 20 ms }} }}
+    run:
+      attach: {{ container: {container}, engine: podman }}
+      samples: {{ from: json_lines, response_time: {{ field: ms, unit: ms }} }}
+      until: {{ elapsed: 60 s }}
+    memory: 64 MiB
+    cpu: {{ reserve: measured }}
+policy: {{ interference: busy-loop }}
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, container: str) -> Iterator[Path]:
+    """The folder of a manifest that attaches to the container."""
+    text = MANIFEST.format(slice=slice_of(tmp_path), container=container)
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+    yield tmp_path
+    forget_host(tmp_path)
+
+
+def test_attaching_needs_consent(robot: Path, container: str) -> None:
+    before = groups_of_container(container)
+
+    without = rarms("measure", "nav2", "--quick", "-f", str(robot))
+    refused = rarms("measure", "nav2", "--quick", "-f", str(robot), stdin="n\n", at_a_terminal=True)
+
+    assert "nav2 already runs. Measuring slows it down." in without.err
+    assert "Confirm with --attach." in without.err
+    asked = "nav2 already runs. Limit it while measuring, and restore the settings afterwards?"
+    assert asked in " ".join(refused.err.split())
+    assert without.code == refused.code != 0
+    assert groups_of_container(container) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_ended_measurement_gives_the_container_back(robot: Path, container: str, number: signal.Signals) -> None:
+    before = groups_of_container(container)
+    words = [sys.executable, "-m", "rarms_iac", "measure", "nav2", "--quick", "--attach", "-f", str(robot)]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as measuring:
+        until = time.monotonic() + 60
+        while groups_of_container(container) == before:
+            assert measuring.poll() is None, measuring.communicate()[1]
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        measuring.send_signal(number)
+        measuring.communicate(timeout=60)
+
+    status = rarms("status", "-f", str(robot)).out
+    named = f"A measurement limits the container {container}."
+    if number == signal.SIGKILL:
+        assert named in " ".join(status.split())
+        assert groups_of_container(container) != before
+        rarms("destroy", "-f", str(robot), "--auto-approve")
+        status = rarms("status", "-f", str(robot)).out
+
+    assert named not in " ".join(status.split())
+    assert groups_of_container(container) == before

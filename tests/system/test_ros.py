@@ -113,6 +113,26 @@ def test_death_of_the_node_is_a_failed_sample(ros: dict[str, str], tmp_path: Pat
 
 
 @ros_1
+def test_clock_ahead_and_simulated_time_are_seen(ros: dict[str, str], tmp_path: Path) -> None:
+    def set_parameters(ahead: int, simulated: bool) -> None:
+        script = f"import rospy; rospy.set_param('/ahead', {ahead}); rospy.set_param('/use_sim_time', {simulated})"
+        subprocess.run([SYSTEM_PYTHON, "-c", script], check=True, env=ros)
+
+    remapped, samples = "/camera:=/other", replace(MESSAGES, input="/other")
+    words = [SYSTEM_PYTHON, "-c", CAMERA, remapped, "__name:=other"]
+    try:
+        set_parameters(3, simulated=True)
+        with subprocess.Popen(words, env=ros, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as camera:
+            _, messages = heard(detector(samples, remapped), tmp_path, ros)
+            camera.terminate()
+    finally:
+        set_parameters(0, simulated=False)
+
+    assert 2500 < messages.ahead_ms < 3500
+    assert messages.simulated_time
+
+
+@ros_1
 def test_messages_without_header_are_refused(ros: dict[str, str], tmp_path: Path) -> None:
     with pytest.raises(CannotStart, match="/text have the type std_msgs/String, which has no header"):
         heard(detector(replace(MESSAGES, input="/text")), tmp_path, ros)
