@@ -45,6 +45,7 @@ class Condition:
     seen_processors: int | None = None  # logical processors that the host's own Windows sees
     numa_nodes: int | None = None
     responsiveness: RegistryValue | None = None  # SystemResponsiveness of the host's own Windows, where it is set
+    thread_watcher: bool | None = None  # it runs on this Linux, or will when it has rules; None: nothing needs it
     unread: Mapping[str, str] = field(default_factory=dict)  # what could not be looked at -> why
 
 

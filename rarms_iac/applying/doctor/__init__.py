@@ -1,7 +1,7 @@
 """`rarms doctor`: finds what is wrong with a host before anything is planned for it.
 
 In: a `SeenHost`. Out: diagnostics in the order of their lines. Begin at `examine`; `windows` checks the operating
-system, `machines` every virtual machine and the logical processors. Nothing here changes a host.
+system, `machines` every partition and the logical processors. Nothing here changes a host.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,6 +29,7 @@ CHECKS: tuple[Callable[[SeenHost], Iterator[Diagnostic]], ...] = (
     windows.check_minroot,
     machines.check_unequal_processors,
     windows.check_unread_probes,
+    machines.check_thread_watcher,
     machines.check_cpu_group,
     machines.check_cluster,
     machines.check_machine_state,

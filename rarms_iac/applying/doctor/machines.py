@@ -1,4 +1,4 @@
-"""The doctor's checks of a host's logical processors and of its virtual machines, managed or not."""
+"""The doctor's checks of a host's logical processors and of its partitions, managed or not."""
 
 from collections.abc import Iterator
 
@@ -11,6 +11,7 @@ from rarms_iac.texts.messages import counted, in_a_row
 
 UNFIT_MACHINE = Finding.warning("RARMS245", "A machine may fail to start, stop or be measured")
 CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
+UNWATCHED = Finding.warning("RARMS444", "The thread watcher does not run")
 UNEQUAL = Finding.warning("RARMS405", "The logical processors of a host are unequal")
 
 
@@ -65,6 +66,21 @@ def _words(kind: ProcessorKind) -> str:
         (kind.base_mhz, f"with a base frequency of {kind.base_mhz} MHz"),
     )
     return " ".join([str(kind.processors), *(words for known, words in facts if known)])
+
+
+def check_thread_watcher(host: SeenHost) -> Iterator[Diagnostic]:
+    """Find that no watcher sets the priorities of threads in partitions that run."""
+    running = [partition.settings for partition in host.state.partitions if partition.settings.running]
+    names = tuple(settings.name for settings in running if settings.threads)
+    if names and host.condition.thread_watcher is False:
+        yield UNWATCHED.of_host(
+            host.name,
+            "The thread watcher does not run on {host}. In {partitions:all}, threads of programs that rarms does not "
+            "start keep their usual priority.",
+            'Start the watcher: see docs/linux.md, "After the machine starts". Components that rarms starts do not '
+            "need it.",
+            partitions=names,
+        )
 
 
 def check_cpu_group(host: SeenHost) -> Iterator[Diagnostic]:

@@ -37,6 +37,12 @@ class LinuxEffects(LocalFiles):
         """Return whether there is such a file."""
         return path.is_file()
 
+    def age_s(self, path: Path) -> float:
+        """Return how long ago a file was written; 0: it is gone."""
+        with suppress(FileNotFoundError):
+            return time.time() - path.stat().st_mtime
+        return 0.0
+
     def has_folder(self, path: Path) -> bool:
         """Return whether there is such a folder."""
         return path.is_dir()

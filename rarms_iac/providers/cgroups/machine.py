@@ -35,6 +35,13 @@ from rarms_iac.running.work_places import group_path
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 """Ids of partitions, and of machines that have none of their own, are made in it."""
 
+STARTS_OF_WATCHER = (Path("/etc/systemd/system/rarms-threads.path"), Path("/etc/cron.d/rarms"))
+"""The files of `rarms install` by which the system starts the watcher of threads."""
+
+WATCHER_IN_S = 90.0
+"""After a change of its rules the watcher runs: cron starts it each minute."""
+
+_WATCHER = "rarms_iac.running.thread_watcher"
 _ID, _MEMORY, _HOSTNAME = Path("/etc/machine-id"), Path("/proc/meminfo"), Path("/proc/sys/kernel/hostname")
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _CPU = Path("/sys/devices/system/cpu")
@@ -103,6 +110,19 @@ def _memory_kib(text: str) -> int:
 
 def _text(effects: LinuxEffects, path: Path) -> str:
     return effects.read(path) if effects.has_file(path) else ""
+
+
+def starts_thread_watcher(effects: LinuxEffects, state_folder: Path) -> bool:
+    """Return whether the watcher of threads runs or, as long as its rules are new, the system will start it.
+
+    Args:
+        state_folder: rarms writes the rules into it.
+    """
+    rules = [state_folder / name for name in effects.files(state_folder) if name.endswith(".threads")]
+    if any(map(effects.has_file, STARTS_OF_WATCHER)) and all(effects.age_s(file) < WATCHER_IN_S for file in rules):
+        return True
+    words = f"\0{_WATCHER}\0{state_folder}\0"
+    return bool(rules) and any(words in kernel_text(PROC / process / "cmdline") for process in effects.folders(PROC))
 
 
 _SUPERVISOR = "supervisor_process.py"

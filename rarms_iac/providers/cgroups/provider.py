@@ -24,7 +24,7 @@ from rarms_iac.model.operations import (
     TaskOperation,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.seen_host import SeenHost
+from rarms_iac.model.seen_host import Condition, SeenHost
 from rarms_iac.model.state import NO_GENERATION, HostFacts, PartitionSettings, StartAction, State
 from rarms_iac.providers.cgroups.attached import AttachedState
 from rarms_iac.providers.cgroups.definitions import (
@@ -47,7 +47,7 @@ from rarms_iac.providers.cgroups.definitions import (
 )
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import orphans, read_boot, read_facts
+from rarms_iac.providers.cgroups.machine import orphans, read_boot, read_facts, starts_thread_watcher
 from rarms_iac.providers.cgroups.trees import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import PLAN_AGAIN, JournaledHost, report_failure
@@ -170,7 +170,15 @@ class LinuxHostProvider(JournaledHost):
             with self.kernel_errors(partition.settings.name):
                 running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
                 found += orphan_findings(partition.settings.name, orphans(running, read))
-        return SeenHost(host=self._host, application=application, state=state, findings=tuple(found))
+        has_threads = any(partition.settings.running and partition.settings.threads for partition in state.partitions)
+        watched = starts_thread_watcher(self._effects, self._threads.parent) if has_threads else None
+        return SeenHost(
+            host=self._host,
+            application=application,
+            state=state,
+            condition=Condition(thread_watcher=watched),
+            findings=tuple(found),
+        )
 
     def start_after_boot(self) -> tuple[str, ...]:
         """Start the partitions that are off though no run stopped them. The host is held.

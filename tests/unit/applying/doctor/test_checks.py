@@ -47,6 +47,7 @@ def responsive(data: int | str) -> Condition:
 
 
 VISION = partition(settings("vision"))
+WITH_THREADS = replace(VISION, settings=replace(VISION.settings, threads="controller* at 20"))
 OFF = replace(VISION, state=RunState.OFF)
 WITHOUT_RIGHTS = replace(facts(), rights=Rights.UNKNOWN)
 POLICY = PolicyScope
@@ -75,6 +76,11 @@ CASES = {
     "SMT": ("RARMS234", "host/onboard", of(smt=True, scheduler=SchedulerType.CORE)),
     "group": ("RARMS235", "partition/vision", examination(machines=(replace(VISION, cpu_group="36ab08cb"),))),
     "unequal": ("RARMS405", "host/onboard", of(processor_kinds=(ProcessorKind(processors=8, threads=1),) * 2)),
+    "thread watcher": (
+        "RARMS444",
+        "host/onboard",
+        examination(how=Condition(thread_watcher=False), machines=(WITH_THREADS,)),
+    ),
     "old PowerShell": ("RARMS233", "host/onboard", how(powershell="5.0.10586.117")),
     "policy of a group": (
         "RARMS241",
@@ -133,6 +139,13 @@ def test_every_check_of_the_doctor_has_a_case() -> None:
 
 def test_a_healthy_host_has_no_findings() -> None:
     assert examine(examination(machines=(VISION,), how=HEALTHY)) == ()
+
+
+@pytest.mark.parametrize(
+    ("watcher", "machine"), [(True, WITH_THREADS), (None, WITH_THREADS), (False, VISION), (False, OFF)]
+)
+def test_watcher_is_needed_by_running_threads(watcher: bool | None, machine: Partition) -> None:
+    assert examine(examination(how=Condition(thread_watcher=watcher), machines=(machine,))) == ()
 
 
 def test_host_known_by_state_is_judged() -> None:

@@ -13,13 +13,22 @@ from typing import cast
 
 import pytest
 
+from rarms_iac.app.install_there import WATCHER_PATH, RobotPlaces
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.setting import MachineSpeed
 from rarms_iac.model.state import ProcessorKind
+from rarms_iac.providers.cgroups import machine
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import ThreadLooks, consumed_ms, looking_at, orphans, read_facts
+from rarms_iac.providers.cgroups.machine import (
+    ThreadLooks,
+    consumed_ms,
+    looking_at,
+    orphans,
+    read_facts,
+    starts_thread_watcher,
+)
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.cgroups.speed import read_speed
 from rarms_iac.providers.cgroups.trees import CONTROL_GROUPS, MissingFeatures, find_tree
@@ -434,6 +443,39 @@ SINGLE = {f"cpu{number}/topology/thread_siblings_list": str(number) for number i
 )
 def test_processors_that_differ_are_told_by_kind(files: dict[str, str], kinds: tuple[ProcessorKind, ...]) -> None:
     assert read_facts(a_host(), _Copy(FOUR | files)).processor_kinds == kinds
+
+
+@pytest.mark.needs("linux")
+def test_watcher_runs_or_will_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    effects, boot_file, rules = LinuxEffects(), tmp_path / "rarms-threads.path", tmp_path / "rarms.threads"
+    monkeypatch.setattr(machine, "STARTS_OF_WATCHER", (boot_file,))
+    assert not starts_thread_watcher(effects, tmp_path)
+    boot_file.touch()
+    assert starts_thread_watcher(effects, tmp_path)
+
+    rules.touch()
+    assert starts_thread_watcher(effects, tmp_path), "the system may still start it"
+    os.utime(rules, (0, 0))
+    assert not starts_thread_watcher(effects, tmp_path), "somebody stopped it"
+
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "rarms.threads").touch()
+    os.utime(other / "rarms.threads", (0, 0))
+    words = [sys.executable, "-c", "print(flush=True); input()", "rarms_iac.running.thread_watcher", str(tmp_path)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as watcher:
+        assert watcher.stdout is not None
+        watcher.stdout.readline()
+        assert starts_thread_watcher(effects, tmp_path)
+        assert not starts_thread_watcher(effects, other)
+        watcher.communicate(b"\n")
+    assert not starts_thread_watcher(effects, tmp_path)
+
+
+def test_boot_files_of_the_watcher_are_installed() -> None:
+    places = RobotPlaces()
+
+    assert (Path(places.units, WATCHER_PATH), Path(places.cron, "rarms")) == machine.STARTS_OF_WATCHER
 
 
 @pytest.mark.needs("linux")
