@@ -77,9 +77,7 @@ def test_start_reservation_is_in_status_not_in_drift(monkeypatch: pytest.MonkeyP
     shown, drift = " ".join(rarms("status").out.split()), json.loads(rarms("drift", "--json").out)
     assert rarms("apply", "--auto-approve").code == 0
 
-    assert "vision 1.2 LP 60 % of its 2 VPs running; start reservation, 0.8 LP afterwards" in " ".join(
-        shown.out.split()
-    )
+    assert "vision 1.2 LP 60 % of its 2 VPs running; start reservation, 0.8 LP afterwards" in shown
     assert [each["address"] for each in drift["hosts"][0]["drifted"]] == ["partition/speech"], "it is not started yet"
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(rarms("status").out.split())
 
