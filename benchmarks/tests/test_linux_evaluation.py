@@ -32,7 +32,7 @@ COMPONENT = replace(
     apt={"p95_response_time": AtMost(value=Fraction(19)), "throughput": AtLeast(value=Fraction(9))},
 )
 MACHINE = {
-    **dict.fromkeys(("model", "processors", "linux", "groups", "python", "today", "experiments"), "any"),
+    **dict.fromkeys(("model", "processors", "linux", "groups", "python", "today", "commit", "experiments"), "any"),
     "memory_gib": 8,
     "others": 3,
 }

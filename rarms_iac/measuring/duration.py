@@ -98,14 +98,14 @@ def forecast(least_ms: float, most_ms: float) -> str:
     return most if most == f"about {least}" else f"{least} to {most}"
 
 
-def describe_settings(
+def time_of_settings(
     experiment: Experiment,
     count: SettingCount,
     earlier: Sequence[Setting],
     seconds: Sequence[float],
     window_ms: float,
-) -> str:
-    """Return the line with the number of settings and how long they take, as far as that is known.
+) -> tuple[float, float]:
+    """Return the least and the longest time of the settings in ms; 0 and infinite if unknown.
 
     Args:
         seconds: That comparable settings of this command took; they alone count on a simulated host.
@@ -121,14 +121,49 @@ def describe_settings(
         timed = [float(until.time) for each in experiment.members if isinstance(until := run_of(each).until, Elapsed)]
         if least and count.goes_on:
             most = count.most * max(experiment.budget.most_ms, least, *timed)
+    return least, most
+
+
+def describe_settings(experiment: Experiment, count: SettingCount, times: tuple[float, float]) -> str:
+    """Return the line with the number of settings and how long they take, as far as that is known.
+
+    Args:
+        times: as of `time_of_settings`.
+    """
     settings = counted(count.most, "setting")
     if count.least != count.most:
         settings = f"{count.least} to {settings}"
     later = len(experiment.loads) - 1 - experiment.loads.index(experiment.load)
     then = f"; then {counted(later, 'more load')}" if later else ""
     subject = f"{experiment.name} with {experiment.setup.interference} on {experiment.host.name}"
-    simulated = " (simulated)" if is_simulated else ""
-    return f"{subject}{simulated}: {', '.join(filter(None, (settings, forecast(least, most))))}{then}."
+    simulated = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
+    return f"{subject}{simulated}: {', '.join(filter(None, (settings, forecast(*times))))}{then}."
+
+
+@dataclass(slots=True, kw_only=True)
+class Announced:
+    """The longest time that was printed for some work. It says once that this time has passed."""
+
+    work: str  # the subject of that sentence, such as `The proof on onboard`
+    most_ms: float  # by the clock of `add` and `look`; infinite: none was printed
+    say: Callable[[str], None]
+    spent_ms: float = 0.0
+
+    def add(self, spent_ms: float) -> None:
+        """Count the time of a part that ended."""
+        self.spent_ms += spent_ms
+        self.look(0.0)
+
+    def look(self, running_ms: float) -> None:
+        """Compare the time so far, with that of the running part."""
+        if self.spent_ms + running_ms > self.most_ms:
+            self.say(f"{self.work} takes longer than the announced {show_duration(self.most_ms)}.")
+            self.most_ms = inf
+
+
+def nothing_announced() -> Announced:
+    """Return the bound of work for which no longest time was printed."""
+    return Announced(work="", most_ms=inf, say=lambda _: None)
 
 
 def _shortest_ms(experiment: Experiment, count: SettingCount, earlier: Sequence[Setting], window_ms: float) -> float:

@@ -27,6 +27,7 @@ from rarms_iac.measuring.availability import (
     stop_what_is_in_the_way,
     with_load_parts,
 )
+from rarms_iac.measuring.duration import Announced
 from rarms_iac.measuring.each_load import by_partition, decisive, idle_settings, leave_idle, measure_with_each_load
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.findings import findings_of, unused_processors
@@ -48,7 +49,7 @@ from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, 
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.stopping import starting_again
 from rarms_iac.measuring.strategies import Method, Search
-from rarms_iac.measuring.units import Units, describe_work
+from rarms_iac.measuring.units import Units, describe_work, longest_ms
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
@@ -224,6 +225,10 @@ def _measure_all(
     started = [(experiment.host, name) for experiment in experiments for name in experiment.setup.members]
     found = _Found(findings=[*start_warnings_of(hosts.manifest, started)])
     names = [experiment.host.name for experiment in experiments]
+    if has_passes(request) and prompt is None and not request.quick:
+        say = session.control.reporter.message
+        longest = Announced(work="The measurement", most_ms=longest_ms(groups), say=say)
+        session = replace(session, announced=longest)
     with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
         asked, method = describe_request(request), method_of(request)
         remeasurements = remeasurements_for(held, experiments, asked, method) if request.again else {}

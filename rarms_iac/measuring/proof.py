@@ -5,7 +5,7 @@ threshold was shown to be met or missed, or the budget is spent. What was not sh
 which a component was shown to be overloaded ends with that start.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -267,11 +267,13 @@ def prove(
     layout: AppliedLayout,
     conditions: ProofConditions,
     control: Control,
+    look: Callable[[float], None] = lambda _: None,
 ) -> LayoutProof | TooManyFailures | None:
     """Run everything that is applied, start after start, until each threshold is met or missed, or the budget spent.
 
     Args:
         host: Its lock is held by the caller.
+        look: Hears the time of the host so far, in ms, each time that samples came.
 
     Returns:
         None: an end was asked for.
@@ -279,7 +281,7 @@ def prove(
     Raises:
         HostError: the host did not do what was asked.
     """
-    proof = _Proof(host=host, layout=layout, conditions=conditions, control=control)
+    proof = _Proof(host=host, layout=layout, conditions=conditions, control=control, look=look)
     with ExitStack() as ends:
         ends.callback(control.reporter.settings.experiment_ended)
         if load_partition := conditions.load_partition:
@@ -309,6 +311,7 @@ class _Proof:
     layout: AppliedLayout
     conditions: ProofConditions
     control: Control
+    look: Callable[[float], None]
     series: Mapping[str, Series] = field(default_factory=dict)  # by component, of all starts
     starts: int = 0
     spent_ms: float = 0.0
@@ -331,6 +334,7 @@ class _Proof:
         def is_spent(seen: Mapping[str, Series]) -> bool:
             so_far = {name: self._with(name, part) for name, part in seen.items()}
             reporter.proof_samples_came(self.host.name, self.conditions.interference, so_far)
+            self.look(self.spent_ms + running.elapsed_ms())
             return running.elapsed_ms() >= most_ms
 
         settling = Settling(

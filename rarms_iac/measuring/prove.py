@@ -1,8 +1,8 @@
 """Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import isfinite
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control, FinishedUnit, UnitEnding, WorkBegun
@@ -12,7 +12,7 @@ from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, 
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.applied_layout import applied_layouts, observe_others, refuse_unapplied
-from rarms_iac.measuring.duration import forecast
+from rarms_iac.measuring.duration import Announced, forecast
 from rarms_iac.measuring.findings import OCCUPIED
 from rarms_iac.measuring.measure_request import USUAL_SEED
 from rarms_iac.measuring.missed_thresholds import proof_findings
@@ -52,7 +52,6 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.storage.datalog.decisions import Entry, Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import append_to_log, configuration_path
 from rarms_iac.texts.messages import counted, in_a_row
-from rarms_iac.texts.quantities import show_duration
 
 LEAST_PROOF = 1_200_000.0
 """The time of the host, in ms, that a proof has at least where the manifest does not say it."""
@@ -202,28 +201,32 @@ def _prove_all(
         The proofs that ended, and the loads that are left where an end was asked for; None: it was not.
     """
     proofs: list[LayoutProof] = []
-    reporter, of = session.control.reporter, max(1, len(loads)) * len(layouts)
+    reporter, clock, of = session.control.reporter, session.wall_times.clock, max(1, len(loads)) * len(layouts)
     reporter.settings.work_begun(WorkBegun(units=of))
     thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
     for name, layout in layouts.items():
         conditions = _conditions(session, states[name], layout, loads, thresholds)
-        most_ms, spent_ms = _announce(session, name, layout, conditions), 0.0
+        announced, by_host = _announce(session, name, layout, conditions)
         left_ms = proof_budget_ms(session.hosts.system, len(conditions))
         for number, each in enumerate(conditions):
-            began = session.wall_times.clock()
+            began = clock()
             within = replace(each, budget_ms=left_ms / (len(conditions) - number))
-            proof = _prove(session, name, layout, within)
+
+            def look(
+                host_ms: float, announced: Announced = announced, by_host: bool = by_host, began: float = began
+            ) -> None:
+                announced.look(host_ms if by_host else 1000 * (clock() - began))
+
+            proof = _prove(session, name, layout, within, look)
             if proof is None:
                 left = [each.interference for each in conditions[number:] if each.interference]
                 return proofs, tuple(left) if len(layouts) == 1 else ()  # of several hosts all are proven again
             left_ms = max(0.0, left_ms - proof.host_ms)
-            proofs.append(replace(proof, wall_seconds=session.wall_times.clock() - began))
+            proofs.append(replace(proof, wall_seconds=clock() - began))
             with hold_configuration_logs(session.hosts.folder), log_errors():
                 _record(session.hosts, proofs[-1:], states)
             reporter.settings.unit_ended(_unit_of(proof, len(proofs), of))
-            before, spent_ms = spent_ms, spent_ms + 1000 * proofs[-1].wall_seconds
-            if before <= most_ms < spent_ms:
-                reporter.message(f"The proof on {name} takes longer than the announced {show_duration(most_ms)}.")
+            announced.add(proof.host_ms if by_host else 1000 * proofs[-1].wall_seconds)
     return proofs, None
 
 
@@ -282,11 +285,11 @@ def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:
 
 def _announce(
     session: MeasuringSession, name: str, layout: AppliedLayout, conditions: Sequence[ProofConditions]
-) -> float:
+) -> tuple[Announced, bool]:
     """Say what a proof takes of a host, before it begins.
 
     Returns:
-        The longest time that was announced, in ms by the user's clock; infinite where there is none.
+        The longest time, and whether it is by the host's clock instead of the user's.
     """
     loads = [each.interference for each in conditions if each.interference]
     with_load = f"with {in_a_row(loads)}, using all idle time" if loads else "without load"
@@ -305,7 +308,7 @@ def _announce(
     parts = {each.interference: each.load_partition for each in conditions}
     if short := [load for load, partition in parts.items() if load and partition and partition.lacks_part]:
         session.control.reporter.message(describe_missing_part(name, short))
-    return inf if clock else most
+    return Announced(work=f"The proof on {name}", most_ms=most, say=session.control.reporter.message), bool(clock)
 
 
 def _last_proof_ms(hosts: Hosts, host: str, layout: AppliedLayout, loads: Sequence[str | None]) -> float:
@@ -449,11 +452,15 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
 
 
 def _prove(
-    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions
+    session: MeasuringSession,
+    name: str,
+    layout: AppliedLayout,
+    conditions: ProofConditions,
+    look: Callable[[float], None],
 ) -> LayoutProof | None:
     """Prove one host's layout with one load; None where an end was asked for."""
     manifest = session.hosts.manifest
-    answer = prove(session.held_hosts[name], layout, conditions, session.control)
+    answer = prove(session.held_hosts[name], layout, conditions, session.control, look)
     if isinstance(answer, TooManyFailures):
         finding = findings.failed_samples(answer, "in the layout", manifest.places)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)

@@ -18,7 +18,14 @@ from rarms_iac.measuring.availability import (
     with_load_parts,
     work_of_others,
 )
-from rarms_iac.measuring.duration import describe_settings, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import (
+    Announced,
+    describe_settings,
+    nothing_announced,
+    settings_to_run,
+    time_of_settings,
+    with_part_of_budget,
+)
 from rarms_iac.measuring.experiment_log import ExperimentLog, data_log_path, read_experiment_log
 from rarms_iac.measuring.measure_request import USUAL_SEED, ExperimentResult
 from rarms_iac.measuring.search.crossings import begun_before
@@ -39,6 +46,7 @@ from rarms_iac.measuring.strategies import (
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, processor_number
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import Conclusion, ExperimentDecision, Measure, Stopped, Sufficient
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting, most_used
@@ -127,6 +135,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
     with ExitStack() as ends:
         ends.callback(reporter.experiment_ended)
         site: Site | None = None
+        announced = nothing_announced()
         while True:
             seen = known.seen_with(again)
             decision = run.strategy.decide(seen)
@@ -138,17 +147,22 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 return _result(run, step, known.settings, new)
             if site is None:
                 site = _prepared(run, seed)
+                announced = _announce(run)
                 ends.enter_context(site.partitions())
             began, remaining = times.clock(), times.remaining(experiment, run.count, new, running=1)
             reporter.setting_started(experiment, step.reserve, remaining)
             setting = run_setting(site, step, known, begun_before(step.reserve, seen))
             if not isinstance(setting, Setting):
                 return _result(run, setting, known.settings, new)
-            times.add(experiment, times.clock() - began)
+            seconds = times.clock() - began
+            times.add(experiment, seconds)
             run.log.add(setting, tuple(each.shown_name for each in run.available.running))
             known, new = known.with_run(setting), new + 1
             remaining = times.remaining(experiment, run.count, new, running=0)
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
+            announced.add(1000 * seconds)
+            is_simulated = experiment.host.provider is ProviderKind.SIMULATED
+            session.announced.add(setting.host_ms if is_simulated else 1000 * seconds)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
                 return ProcessorNumber(number=number, source=ProcessorSource.USED)
 
@@ -187,14 +201,9 @@ def least_shown(experiment: Experiment, settings: Sequence[Setting]) -> ReserveP
 
 
 def _prepared(run: ExperimentRun, seed: int) -> Site:
-    """Return the site of the settings, after obstacles there are refused or stopped and the duration is reported."""
+    """Return the site of the settings, after obstacles there are refused or stopped."""
     session, experiment, available = run.session, run.experiment, run.available
     stop_what_is_in_the_way(session, experiment, run.method, available)
-    if run.says_duration and run.count is not None:
-        host = session.host_of(experiment)
-        earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
-        line = describe_settings(experiment, run.count, earlier, seconds, host.scheduler_memory_ms)
-        session.control.reporter.message(line)
     return Site(
         host=session.host_of(experiment),
         experiment=experiment,
@@ -203,6 +212,18 @@ def _prepared(run: ExperimentRun, seed: int) -> Site:
         control=session.control,
         others=tuple(work_of_others(session.hosts, available.running)),
     )
+
+
+def _announce(run: ExperimentRun) -> Announced:
+    """Report how many settings there are and how long they take, where this is asked for; return the longest time."""
+    if not run.says_duration or run.count is None:
+        return nothing_announced()
+    session, experiment = run.session, run.experiment
+    earlier, seconds = run.log.known.settings, session.wall_times.comparable(experiment)
+    window_ms = session.host_of(experiment).scheduler_memory_ms
+    times, say = time_of_settings(experiment, run.count, earlier, seconds, window_ms), session.control.reporter.message
+    say(describe_settings(experiment, run.count, times))
+    return Announced(work=f"{experiment.name} with {experiment.setup.interference}", most_ms=times[1], say=say)
 
 
 def with_observed_processors(session: MeasuringSession, experiment: Experiment) -> Experiment:

@@ -14,7 +14,7 @@ from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying import refusals
-from rarms_iac.measuring.duration import WallTimes
+from rarms_iac.measuring.duration import Announced, WallTimes, nothing_announced
 from rarms_iac.measuring.findings import UNABLE
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.diagnostics import Diagnostic
@@ -39,6 +39,7 @@ class MeasuringSession:
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     wall_times: WallTimes = field(default_factory=WallTimes)  # of the settings that this command has run
+    announced: Announced = field(default_factory=nothing_announced)  # for all settings of the command
     held_hosts: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
 
     @property

@@ -21,14 +21,14 @@ from rarms_iac.measuring.strategies import ThresholdCheck
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, experiments_of
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.combining.candidates import Contradiction
+from rarms_iac.planner.combining.candidates import Contradiction, candidates_of
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
@@ -52,6 +52,7 @@ from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
 from rarms_iac.storage.datalog.decisions import TrailSetting, TuningEnding, TuningStrategy, UnprovedNeed
 from rarms_iac.texts.messages import counted
+from rarms_iac.texts.quantities import show_duration
 
 
 class TuningStopped(Unanswered):
@@ -363,6 +364,8 @@ class Experiments:
                 f"A measurement of {names} needs {reserve} % of their VPs, but the host can give only {highest} %."
             )
         experiments = self.subject.experiments(members, self.strategy, self.samples)
+        if not self._measured_with:
+            self.session.control.reporter.message(_describe_work(self.subject, self.strategy, experiments))
         for experiment in begin_with_hardest(experiments):  # a miss ends the question
             if worse := self._worse_with_load(experiment, members, reserve):
                 return worse
@@ -389,6 +392,23 @@ class Experiments:
         if worse and reserve > highest_missed(curves):
             self._unresolved.add((members, reserve))
         return worse
+
+
+def _describe_work(subject: TuningSubject, strategy: TuningStrategy, experiments: Sequence[Experiment]) -> str:
+    """Return the sentence with which tuning begins; the time of all is not known, as each answer decides what follows.
+
+    Args:
+        experiments: of the first combination, one a load.
+    """
+    host, budget = subject.host, show_duration(experiments[0].budget.most_ms)
+    simulated = " (simulated)" if host.provider is ProviderKind.SIMULATED else ""
+    loads = f" x {counted(len(experiments), 'load')}" if len(experiments) > 1 else ""
+    most = "one combination after another"
+    if strategy != "paper":
+        number = len(candidates_of(subject.cois, subject.may_share, most=WHOLE).by_mask)
+        most = f"at most {counted(number, 'combination')}"
+    partitions = counted(len(subject.cois), "partition")
+    return f"Tuning {partitions}{loads} on {host.name}{simulated}: {most}, at most {budget} for a setting."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

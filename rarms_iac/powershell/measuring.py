@@ -32,9 +32,8 @@ class GuestWork:
     name: str  # a component's; empty: a load's
     kind: str  # lines, runs, load, or calibrated: a load that writes a line when it has counted what it may do
     words: tuple[str, ...]
-    folder: str = ""  # in the guest; empty: one of its own, with the files
     environment: Mapping[str, str] | None = None
-    files: Mapping[str, str] | None = None  # by path below the folder: base64
+    files: Mapping[str, str] | None = None  # by path below the work folder in the guest: base64
     period_ticks: int = 0  # 100 ns; 0: the next job starts when the last one ended
     timeout_ms: int = 0
     instances: int = 1
@@ -145,7 +144,6 @@ def _work(work: GuestWork) -> str:
         Kind=literal(work.kind),
         Program=literal(work.words[0]),
         Arguments=literal(command_line(work.words[1:])),
-        Folder=literal(work.folder),
         Environment=literal(canonical(dict(work.environment or {}))),
         Files=literal(canonical(dict(work.files or {}))),
         PeriodTicks=literal(work.period_ticks),

@@ -76,23 +76,40 @@ def _kernels_devices() -> frozenset[int]:
 
 
 def _open(path: Path | str) -> int:
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     for _ in range(_RETRIES):
         try:
-            return _open_once(path, flags)
+            return open_shared(path)
         except PermissionError:
             if sys.platform != "win32":
                 raise
             if Path(path).is_dir():  # Windows opens no folder, and says it has no right to
                 raise NotRegular(path, "a folder") from None
-            time.sleep(_RETRY_SECONDS)  # Windows: another process is replacing the file right now
-    return _open_once(path, flags)
+        except FileNotFoundError:
+            if sys.platform != "win32" or not _is_being_replaced(Path(path)):
+                raise
+        time.sleep(_RETRY_SECONDS)  # Windows: another process is replacing the file right now
+    return open_shared(path)
+
+
+def _is_being_replaced(path: Path) -> bool:
+    """Return whether a missing name comes back: Windows replaces a file by two renames, the second of `NAME.new`."""
+    return path.exists() or path.with_name(f"{path.name}.new").exists()
 
 
 if sys.platform == "win32":
 
-    def _open_once(path: Path | str, flags: int) -> int:
-        """Open a file that others may write, replace and remove meanwhile: Python's own call lets nobody remove it."""
+    def open_shared(path: Path | str, *, to_write: bool = False) -> int:
+        """Open an existing file that others may read, write, replace and remove meanwhile, without waiting.
+
+        Python's own call lets nobody remove it.
+
+        Returns:
+            A file descriptor, which the caller closes.
+
+        Raises:
+            OSError: Windows refuses; `winerror` has the reason.
+            ValueError: no file can have this name (it holds a NUL).
+        """
         import msvcrt
 
         import pywintypes
@@ -102,17 +119,19 @@ if sys.platform == "win32":
         if "\0" in str(path):
             raise ValueError("embedded null character")  # as Python says it; Windows would read the name up to it
         share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE | win32con.FILE_SHARE_DELETE
+        access, flags = (win32con.GENERIC_WRITE, os.O_WRONLY) if to_write else (win32con.GENERIC_READ, os.O_RDONLY)
         try:
-            file = win32file.CreateFile(str(path), win32con.GENERIC_READ, share, None, win32con.OPEN_EXISTING, 0, None)
+            file = win32file.CreateFile(str(path), access, share, None, win32con.OPEN_EXISTING, 0, None)
         except pywintypes.error as problem:
             code, _, reason = problem.args
             raise OSError(0, reason, str(path), code) from None
-        return msvcrt.open_osfhandle(file.Detach(), flags)
+        return msvcrt.open_osfhandle(file.Detach(), flags | os.O_BINARY)
 
 else:
 
-    def _open_once(path: Path | str, flags: int) -> int:
-        return os.open(path, flags)
+    def open_shared(path: Path | str, *, to_write: bool = False) -> int:
+        """Open an existing file without waiting; a file that is open can be replaced and removed."""
+        return os.open(path, (os.O_WRONLY if to_write else os.O_RDONLY) | os.O_NONBLOCK)
 
 
 def read_file(path: Path | str, limit: int) -> bytes:
@@ -131,10 +150,23 @@ def read_file(path: Path | str, limit: int) -> bytes:
         ValueError: as `open_regular`.
     """
     with open_regular(path) as file:
-        # NOTE: not `read(limit + 1)`, which takes as much memory as the limit, however small the file is.
-        if os.fstat(file.fileno()).st_size > limit:
-            raise TooLarge(path, limit)
-        data = file.read()
+        return read_open(file, path, limit)
+
+
+def read_open(file: BinaryIO, path: Path | str, limit: int) -> bytes:
+    """Read a whole file that `open_regular` opened.
+
+    Args:
+        path: of the file, for the error.
+        limit: bytes that the file may have.
+
+    Raises:
+        TooLarge: it has more bytes than the limit.
+    """
+    # NOTE: not `read(limit + 1)`, which takes as much memory as the limit, however small the file is.
+    if os.fstat(file.fileno()).st_size > limit:
+        raise TooLarge(path, limit)
+    data = file.read()
     if len(data) > limit:
         raise TooLarge(path, limit)
     return data

@@ -279,7 +279,7 @@ def _totals(outcome: MeasureOutcome, *, verbose: bool) -> Iterator[str]:
     conditions = [each for by_load in outcome.partitions for each in decisive(by_load).conditions]
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     errors = describe_errors(sure=False in extremes, so_far=True in extremes)
-    if sentences := " ".join(filter(None, [describe_conditions(conditions, verbose=verbose), errors])):
+    if sentences := " ".join(filter(None, [describe_conditions(conditions), errors])):
         yield sentences
 
 

@@ -128,7 +128,7 @@ def proof_text(outcome: ProveOutcome) -> "RenderableType":
     ]
     sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
     conditions = describe_conditions(
-        [each.condition for proof in proofs for each in proof.verdicts if each.condition is not None], verbose=True
+        each.condition for proof in proofs for each in proof.verdicts if each.condition is not None
     )
     sentences: list[Wording] = [*map(_sentence, proofs)]
     if outcome.met:
@@ -245,7 +245,7 @@ CONDITIONAL = "*"
 """Marks a measured value whose threshold is met on a condition; `describe_conditions` follows it."""
 
 
-def describe_conditions(conditions: Iterable[Condition], *, verbose: bool) -> str:
+def describe_conditions(conditions: Iterable[Condition]) -> str:
     """Return the sentence below a table that has `CONDITIONAL`; empty without a condition.
 
     Of a component's conditions, also under several loads, it says one of each kind, from which the others follow.
@@ -258,9 +258,7 @@ def describe_conditions(conditions: Iterable[Condition], *, verbose: bool) -> st
     for (component, _), condition in strictest.items():
         by_component[component].append(_describe_condition(condition))
     parts = "; ".join(f"{component}: {' and '.join(said)}" for component, said in by_component.items())
-    if not parts:
-        return ""
-    return f"{CONDITIONAL} Met if unseen slow jobs are rare{f'. {parts}' if verbose else ' (see -v)'}."
+    return f"{CONDITIONAL} Met if unseen slow jobs are rare. {parts}." if parts else ""
 
 
 def _strictest(one: Condition, other: Condition) -> Condition:

@@ -114,7 +114,7 @@ MEMBERS = READING_MEMBERS | words(
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
     ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
     Request Ticks Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
-    Logon arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
+    Logon arguments child environment exists files instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess GetDirectories IsCompleted MainModule
     NewGuid Abandon AsJson Caller Code Confirmation ExportedFunctions LockTimeout Module ModulePath NewBoundScriptBlock
     Preview ScriptPath Test WriteEntry InDesiredState module script undo
@@ -209,7 +209,7 @@ Add-Folder Path
 Move-NewPartition From To
 Remove-PartitionFolder From To
 Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
-Add-GuestWork Partition Logon Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances
+Add-GuestWork Partition Logon Name Kind Program Arguments Environment Files PeriodTicks TimeoutMs Instances
 """
 PLAN_CALLS = {name: set(parameters) for name, *parameters in map(str.split, _PLAN_CALLS.strip().splitlines())}
 """What plans call, by name with the parameters that they give: all that scripts do to a machine."""

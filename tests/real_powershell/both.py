@@ -12,17 +12,8 @@ from typing import Any
 from tests.fake_powershell.host import WindowsHost
 from tests.fake_powershell.run import Look, Ran
 from tests.fake_powershell.values import EMPTY, Record, Value, text
+from tests.real_powershell.accepted import ENGINE, HOSTS, ORDER, WORDS
 from tests.real_powershell.runner import RealPowerShell
-
-WORDS: tuple[tuple[str, str], ...] = (
-    (r"process [0-9]+", "process N"),
-    (r"\\undo-[0-9]+", r"\\undo-N"),
-    (r'Exception calling "?ShouldProcess.*', "no console answers"),
-    (r"(\([A-Z][A-Za-z]+-[A-Za-z]+ \w+),[A-Za-z.]+(?=, line )", r"\1"),
-    (r'Exception calling \\?"\w+\\?" with \\?"[0-9]+\\?" argument\(s\): \\?"(.*?)\\?"', r"\1"),
-    (r'"length":[0-9]+,"checksum":"[0-9a-f]{64}"', '"length":0,"checksum":""'),
-)
-"""What may differ: what PowerShell and .NET word, and what a process is called; each becomes the same text."""
 
 Seen = Mapping[str, Any]
 
@@ -43,16 +34,8 @@ def differences(real: RealPowerShell, look: Look) -> list[str]:
 
 
 def is_shown(look: Look) -> bool:
-    """Whether the real PowerShell can be on such a host: its language, bits and modules are its own.
-
-    No link can be made under wine, and what is held open is there.
-    """
-    host = look.before
-    alike = WindowsHost()
-    own = ("language", "bits", "loads_hyperv", "module", "all_signed")
-    if any(getattr(host, fact) != getattr(alike, fact) for fact in own):
-        return False
-    return not any(file.link for file in host.files.values()) and all(host.file(one.path) for one in host.opened)
+    """Whether the real PowerShell can be on such a host."""
+    return not any(kind.is_one(look.before) for kind in HOSTS)
 
 
 def seen_of(host: WindowsHost, ran: Ran) -> Seen:
@@ -94,22 +77,22 @@ def _held(value: Value) -> Any:
 
 def _plain(says: str) -> str:
     """The text without what may differ."""
-    for pattern, same in WORDS:
-        says = re.sub(pattern, same, says)
+    for words in WORDS:
+        says = re.sub(words.pattern, words.same, says)
     return says
 
 
 def _by_name(effects: list[str]) -> list[str]:
-    """The effects, with values of a key that are removed one after another by name: so wine gives them."""
+    """The effects, with values of a key that are removed one after another by name."""
     found: list[str] = []
-    for removes, group in groupby(effects, key=lambda effect: effect.startswith("Remove-ItemProperty ")):
+    for removes, group in groupby(effects, key=lambda effect: effect.startswith(ORDER.effect)):
         named = list(group)
         found += sorted(named) if removes else named
     return found
 
 
 def _content(data: bytes | None) -> Any:
-    """Lines of JSON by their values: a table of PowerShell has no order."""
+    """Lines of JSON by their values."""
     if data is None:
         return "a folder"
     says = _plain(data.decode("utf-8", "replace"))
@@ -122,9 +105,9 @@ def _value(line: str) -> Any:
     except json.JSONDecodeError:
         return line
     if isinstance(found, dict) and found.get("format") == "rarms-observation/1":
-        del found["powershell"]
-        of_keys = [found["profile"], *(each for name in ("tasks", "records") for each in found[name].get("value", ()))]
-        for key in of_keys:  # wine gives a key's values by name
+        del found[ENGINE.probe]
+        of_keys = [found[ORDER.key], *(each for name in ORDER.lists_of_keys for each in found[name].get("value", ()))]
+        for key in of_keys:
             name = "values" if "values" in key else "value"
             key[name] = sorted(key.get(name, ()), key=lambda value: str(value["name"]))
         if found["journal"]["status"] == "value":

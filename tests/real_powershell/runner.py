@@ -183,11 +183,12 @@ def _one_at_a_time() -> Iterator[None]:
 
 
 def made_modules(*, linux: bool = False) -> Path:
-    """The folder of the compiled modules, of the text that they are made from; the first process compiles it."""
+    """The folder of the compiled modules, by the texts that make them; the first process compiles it."""
     files = [*(HERE / "csharp").glob("*.cs"), *((HERE / "csharp" / "linux").glob("*.cs") if linux else ())]
     texts = {path.name: path.read_text("utf-8") for path in sorted(files)}
     texts["Cmdlets.made.cs"] = source()
-    digest = hashlib.sha256(repr((texts, manifests())).encode()).hexdigest()[:16]
+    compiler = (HERE / "csharp" / "compile.ps1").read_text("utf-8")
+    digest = hashlib.sha256(repr((texts, manifests(), compiler)).encode()).hexdigest()[:16]
     folder = CACHE / f"model-{digest}"
     if not folder.exists():
         CACHE.mkdir(parents=True, exist_ok=True)

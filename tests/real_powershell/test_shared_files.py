@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.powershell.templates import MODULE_FILES, fill, module_digests, module_file
-from tests.real_powershell.engines import Engine, finish, kill, processes
+from tests.needs import CHECKOUT
+from tests.real_powershell.engines import Engine, finish, kill, processes, windows_python
 
 pytestmark = pytest.mark.needs("powershell-windows", "wine")
 
@@ -24,6 +25,20 @@ while (-not [System.IO.File]::Exists($Path + '.end')) {
     $looks++
 }
 'looks: {0}' -f ($looks -gt 0)
+"""
+
+LOOKER = """import sys
+from pathlib import Path
+from rarms_iac.providers.hyperv import local_windows
+
+journal, looks = Path(sys.argv[1]), 0
+local_windows.own_folder = lambda: journal.parent
+Path(f"{journal}.ready").touch()
+while not Path(f"{journal}.end").exists():
+    owner, _ = local_windows.ThisWindows().journal()
+    assert owner.startswith("S-1-"), owner
+    looks += 1
+print("looks:", looks > 0)
 """
 
 WRITER = """param([string] $From, [string] $Path, [int] $Count)
@@ -91,6 +106,26 @@ def test_reader_in_a_loop_breaks_no_writer(windows: Engine, tmp_path: Path, modu
     reader = windows.start(*words(windows, tmp_path, "reader.ps1", READER), *given)
     writer = windows.run(*words(windows, tmp_path, "writer.ps1", WRITER), *given, "-Count", str(RECORDS))
     looked = finish(reader)
+
+    assert (writer.out.splitlines(), writer.err) == (["written"], ""), writer
+    assert (looked.out.splitlines(), looked.err) == (["looks: True"], ""), looked
+
+
+@pytest.mark.needs("windows-python")
+def test_rarms_that_looks_breaks_no_writer(windows: Engine, tmp_path: Path, module: str) -> None:
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes(b"")
+    (tmp_path / "looker.py").write_text(LOOKER, encoding="ascii")
+    given = ("-From", module, "-Path", windows.path(journal), "-Count", str(RECORDS))
+
+    looker = windows.start(
+        windows.path(tmp_path / "looker.py"),
+        windows.path(journal),
+        program=windows_python(windows),
+        environment={"PYTHONPATH": windows.path(CHECKOUT)},
+    )
+    writer = windows.run(*words(windows, tmp_path, "writer.ps1", WRITER), *given)
+    looked = finish(looker)
 
     assert (writer.out.splitlines(), writer.err) == (["written"], ""), writer
     assert (looked.out.splitlines(), looked.err) == (["looks: True"], ""), looked

@@ -39,6 +39,10 @@ foreach ($text in @(& ([System.IO.Path]::Combine($Folder, 'all.ps1')))) {
 }
 """
 
+NEWER = """param([string] $Folder)
+try { & '{compile}' -Sources $Folder -Modules $Folder } catch { $_.Exception.Message; exit 3 }
+"""
+
 MODULE = """param([string] $Folder)
 $ErrorActionPreference = 'Stop'
 # PowerShell for Linux has no cultures here.
@@ -159,3 +163,15 @@ def test_calls_that_do_not_bind_are_found(engine: Engine, tmp_path: Path) -> Non
     _, *unbound, _ = bound(engine, tmp_path, files)
 
     assert sorted({says.partition(".ps1")[0] for says in unbound}) == sorted(UNBOUND)
+
+
+def test_newer_csharp_is_refused(engine: Engine, tmp_path: Path) -> None:
+    """The compiler of Windows PowerShell 5.1 knows C# 5 only."""
+    text = b'public static class Newer { public static string Text { get { return $"{1}"; } } }\n'
+    compiler = engine.path(HERE / "csharp" / "compile.ps1")
+    script = NEWER.replace("{compile}", compiler)
+
+    ended = run_on_files(engine, tmp_path, script, {"newer.cs": text})
+
+    assert ended.code == 3, ended
+    assert "CS8026" in ended.out or "'$'" in ended.out, ended

@@ -14,7 +14,10 @@ _BY_MODEL, _WIDE = 3, 1.3
 """After so many settings, a bracket whose ends differ by a larger ratio is halved."""
 
 MOST_SETTINGS = 7
-"""Settings with a load in the first pass at most; then the least that meets the thresholds is the answer."""
+"""After so many settings with a load, the least that meets the thresholds is the answer, unless the bracket is wide.
+
+It is wide after settings for another threshold, which say nothing on lower reservations.
+"""
 
 NEAR_POINTS, NEAR_PART = 2, 0.07
 """So near a setting that misses, or by so large a part of it, the answer is near enough."""
@@ -45,8 +48,8 @@ def search_by_estimates(settings: Sequence[Setting], goal: Goal, most: int, floo
     trials = [_trial(setting, goal, met=meets[setting.reserve]) for setting in settings]
     failed = max(failed, min(below_demand(trials, goal), (passed or most) - 1))
     upper = NOTHING_PASSED if passed is None else passed
-    looks = sum(setting.first_pass for setting in settings)
-    if passed is not None and (looks >= MOST_SETTINGS or upper - failed <= max(NEAR_POINTS, NEAR_PART * upper)):
+    is_late = sum(setting.first_pass for setting in settings) >= MOST_SETTINGS and upper <= _WIDE * max(1, failed)
+    if passed is not None and (is_late or upper - failed <= max(NEAR_POINTS, NEAR_PART * upper)):
         return Sufficient(reserve=passed, failed=failed or None)
     return _look(min(most, max(failed + 1, min(_next(trials, goal, failed, upper), upper - 1))))
 

@@ -2,10 +2,10 @@
 
 import ctypes
 import json
+import msvcrt
 import os
 import re
 import sys
-import time
 import warnings
 import winreg
 from collections.abc import Iterable, Iterator
@@ -17,19 +17,17 @@ from xml.etree import ElementTree as ET
 
 import pywintypes
 import win32api
-import win32con
 import win32cred
 import win32crypt
 import win32cryptcon
 import win32evtlog
-import win32file
 import win32security
 import winerror
 
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
 from rarms_iac.providers.hyperv.transport import protect
 from rarms_iac.providers.hyperv.wmi_document import QUERIES, NotRead, RegistryKey, WmiInstance, local_document
-from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.reading import open_regular, open_shared, read_open
 from rarms_iac.texts.messages import reason_of
 
 assert sys.platform == "win32"
@@ -49,8 +47,6 @@ ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """As `templates/powershell/Rarms/Rarms.psm1` has it."""
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
-MISSING = "PathNotFound"
-REPLACING_S, REPLACING_LOOKS = 0.05, 20
 KINDS = {
     winreg.REG_SZ: "String",
     winreg.REG_EXPAND_SZ: "ExpandString",
@@ -144,30 +140,30 @@ class ThisWindows:
         return int(data[1], 0)
 
     def journal(self) -> tuple[str, str]:
-        """Return its owner and its text. A run that begins replaces it, and for a moment the name is missing."""
+        """Return its owner and its text, both of the same file: a run that begins replaces it."""
         path = own_folder() / "journal.jsonl"
-        for _ in range(REPLACING_LOOKS):
-            found = _owner_and_text(path)
-            if not isinstance(found, NotRead):
-                return found
-            if found.error != MISSING or not (path.exists() or path.with_name(f"{path.name}.new").exists()):
-                break
-            time.sleep(REPLACING_S)
-        raise found
+        try:
+            with open_regular(path) as file:
+                handle = msvcrt.get_osfhandle(file.fileno())
+                owned = win32security.GetSecurityInfo(
+                    handle, win32security.SE_FILE_OBJECT, win32security.OWNER_SECURITY_INFORMATION
+                )
+                owner = win32security.ConvertSidToStringSid(owned.GetSecurityDescriptorOwner())
+                return owner, read_open(file, path, MAX_BYTES).decode("ascii", "replace")
+        except (OSError, pywintypes.error) as problem:
+            raise _not_read(problem, str(path)) from problem
 
     def is_script_running(self) -> bool:
         """Return whether a run has the script's file open: it shares the file for reading only."""
-        path = str(own_folder() / OWNER)
-        share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE | win32con.FILE_SHARE_DELETE
+        path = own_folder() / OWNER
         try:
-            file = win32file.CreateFile(path, win32con.GENERIC_WRITE, share, None, win32con.OPEN_EXISTING, 0, None)
-        except pywintypes.error as problem:
-            if problem.winerror in {winerror.ERROR_FILE_NOT_FOUND, winerror.ERROR_PATH_NOT_FOUND}:
-                return False
+            os.close(open_shared(path, to_write=True))
+        except FileNotFoundError:
+            return False
+        except OSError as problem:
             if problem.winerror == winerror.ERROR_SHARING_VIOLATION:
                 return True
-            raise _not_read(problem, path) from problem
-        file.Close()
+            raise _not_read(problem, str(path)) from problem
         return False
 
     def modules(self) -> list[str]:
@@ -266,19 +262,10 @@ def _value(name: str, data: Any, kind: int) -> tuple[str, str, int | str]:
             return name, KINDS.get(kind, "Unknown"), "" if data is None else str(data)
 
 
-def _owner_and_text(path: Path) -> tuple[str, str] | NotRead:
-    try:
-        text = read_file(path, MAX_BYTES).decode("ascii", "replace")
-        owned = win32security.GetFileSecurity(str(path), win32security.OWNER_SECURITY_INFORMATION)
-        return win32security.ConvertSidToStringSid(owned.GetSecurityDescriptorOwner()), text
-    except (OSError, pywintypes.error) as problem:
-        return _not_read(problem, str(path))
-
-
 def _not_read(problem: Any, path: str) -> NotRead:
     code = getattr(problem, "winerror", None)
-    if isinstance(problem, PermissionError) or code == 5:
+    if code == winerror.ERROR_ACCESS_DENIED:
         return NotRead("UnauthorizedAccess", f"{path} may not be read", denied=True)
-    if isinstance(problem, FileNotFoundError) or code in (2, 3):
-        return NotRead(MISSING, f"{path} does not exist")
+    if code in {winerror.ERROR_FILE_NOT_FOUND, winerror.ERROR_PATH_NOT_FOUND}:
+        return NotRead("PathNotFound", f"{path} does not exist")
     return NotRead(f"Win32Error{code}", f"{path}: {reason_of(problem)}")

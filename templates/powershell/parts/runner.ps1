@@ -5,14 +5,14 @@ function Add-GuestWork {
     # calibrated (a load that writes a line when it has measured the speed of a processor).
     param(
         [string] $Partition, [string] $Logon, [string] $Name, [string] $Kind, [string] $Program,
-        [string] $Arguments, [string] $Folder, [string] $Environment, [string] $Files, [long] $PeriodTicks,
-        [long] $TimeoutMs, [long] $Instances
+        [string] $Arguments, [string] $Environment, [string] $Files, [long] $PeriodTicks, [long] $TimeoutMs,
+        [long] $Instances
     )
     $script:Works += @{
         number = $script:Works.Count; Partition = $Partition; Logon = $Logon; Request = [ordered] @{
-            Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; folder = $Folder
-            environment = $Environment; files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs
-            instances = $Instances; reserve = [long] 0
+            Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; environment = $Environment
+            files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs; instances = $Instances
+            reserve = [long] 0
         }
     }
 }
@@ -89,11 +89,8 @@ function Get-GuestRunner {
             $start = [System.Diagnostics.ProcessStartInfo]::new('powershell.exe', $guard)
             $start.UseShellExecute = $false
             $running += [System.Diagnostics.Process]::Start($start)
-            $folder = $work.folder
-            if (-not $folder) {
-                $folder = [System.IO.Path]::GetTempPath() + 'rarms-work'
-                [void] [System.IO.Directory]::CreateDirectory($folder)
-            }
+            $folder = [System.IO.Path]::GetTempPath() + 'rarms-work'
+            [void] [System.IO.Directory]::CreateDirectory($folder)
             foreach ($file in (ConvertFrom-Json -InputObject $work.files).PSObject.Properties) {
                 $path = [System.IO.Path]::Combine($folder, $file.Name)
                 [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))

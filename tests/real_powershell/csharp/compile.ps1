@@ -9,11 +9,13 @@ if (-not (Test-Path -LiteralPath $dll)) {
     foreach ($type in [psobject], [Microsoft.PowerShell.Commands.NewItemCommand], [System.Diagnostics.EventLogEntryType]) {
         $references += $type.Assembly.Location
     }
-    $more = @{}
+    # The compiler of Windows PowerShell 5.1 knows C# 5 only, and takes no options as text.
+    $options = @(if ($PSVersionTable['PSEdition'] -eq 'Core') { '/langversion:5' })
     if ($PSVersionTable['Platform'] -eq 'Unix') {
-        $more['CompilerOptions'] = '/define:LINUX'
+        $options += '/define:LINUX'
         $references += [System.IO.Path]::Combine($PSHOME, 'Microsoft.PowerShell.ConsoleHost.dll')
     }
+    $more = if ($options) { @{ CompilerOptions = $options } } else { @{} }
     $files = @(foreach ($one in @(Get-ChildItem -Path ([System.IO.Path]::Combine($Sources, '*.cs')))) { $one.FullName })
     # Elsewhere first: what a killed process left half-made is never found.
     $fresh = [System.IO.Path]::Combine($Sources, [guid]::NewGuid().ToString('N'))

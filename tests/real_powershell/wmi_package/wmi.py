@@ -10,6 +10,7 @@ import socket
 from types import SimpleNamespace
 from typing import Any
 
+import win32file
 import win32security
 
 
@@ -51,11 +52,12 @@ def _instance(values: dict[str, Any]) -> Any:
     return SimpleNamespace(properties=dict.fromkeys(values), ole_object=ole_object)
 
 
-def _security(path: str, parts: int) -> Any:
-    """Return a security descriptor that has the owner alone."""
+def _security(handle: int, kind: int, parts: int) -> Any:
+    """Return a security descriptor that has the owner of an open file alone."""
+    path = win32file.GetFinalPathNameByHandle(handle, 0).removeprefix("\\\\?\\")
     return win32security.ConvertStringSecurityDescriptorToSecurityDescriptor(
         f"O:{_ask('owner', path)}", win32security.SDDL_REVISION_1
     )
 
 
-win32security.GetFileSecurity = _security
+win32security.GetSecurityInfo = _security

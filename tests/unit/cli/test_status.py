@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+import rarms_iac
 from rarms_iac.app.status import Overview
+from rarms_iac.model.journal import JournalRecord, StepRecorded, StepStatus
 from rarms_iac.planner.infeasibility import causes
+from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.storage import disk
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
@@ -53,6 +56,30 @@ def test_status_names_what_is_missing_first() -> None:
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
     assert "Everything is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
+
+
+def test_start_reservation_is_in_status_not_in_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    more = MANIFEST.replace("reserve: 40 % }", "reserve: 40 %, starting: { reserve: 60 %, for: 30 s } }")
+    Path("rarms.yaml").write_text(more, encoding="utf-8")
+    steps = rarms_iac.plan(rarms_iac.load("rarms.yaml")).hosts[0].steps
+    (number,) = [at for at, step in enumerate(steps) if step.wait_ms]
+    record = JournaledHost.record
+
+    def killed_after_start(host: JournaledHost, entry: JournalRecord) -> None:
+        record(host, entry)
+        if isinstance(entry, StepRecorded) and entry.number == number - 1 and entry.status is StepStatus.CHANGED:
+            raise Crash
+
+    with monkeypatch.context() as killed:
+        killed.setattr(JournaledHost, "record", killed_after_start)
+        with pytest.raises(Crash):
+            rarms("apply", "--auto-approve")
+    shown, drift = " ".join(rarms("status").out.split()), json.loads(rarms("drift", "--json").out)
+    assert rarms("apply", "--auto-approve").code == 0
+
+    assert "vision 1.2 LP 60 % of its 2 VPs running; start reservation, 0.8 LP afterwards" in shown
+    assert [each["address"] for each in drift["hosts"][0]["drifted"]] == ["partition/speech"], "it is not started yet"
+    assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(rarms("status").out.split())
 
 
 def test_unfinished_run_is_no_foreign_change() -> None:

@@ -8,7 +8,15 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app.control import MeasuringReporter, RemainingSettings
-from rarms_iac.measuring.duration import WallTimes, describe_settings, least_ms, settings_to_run, with_part_of_budget
+from rarms_iac.measuring.duration import (
+    Announced,
+    WallTimes,
+    describe_settings,
+    least_ms,
+    settings_to_run,
+    time_of_settings,
+    with_part_of_budget,
+)
 from rarms_iac.measuring.strategies import Method, Search, SettingCount, Sweep
 from rarms_iac.model.experiment import Budget, Experiment, experiment_of, experiments_of
 from rarms_iac.model.host import ProviderKind
@@ -35,7 +43,8 @@ def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Exp
 def told(experiment: Experiment, *recorded: Setting, method: Method = SEARCH, seconds: Sequence[float] = ()) -> str:
     """What is said of the settings and their time, on a host that is not simulated."""
     real = replace(experiment, host=replace(experiment.host, provider=ProviderKind.LINUX))
-    line = describe_settings(real, settings_to_run(method, recorded, 100), recorded, seconds, 0.0)
+    count = settings_to_run(method, recorded, 100)
+    line = describe_settings(real, count, time_of_settings(real, count, recorded, seconds, 0.0))
     return line.partition("onboard: ")[2].removesuffix(".")
 
 
@@ -206,3 +215,16 @@ def test_other_component_tells_nothing_unless_simulated(provider: ProviderKind, 
     times.add(vision, 7.0)
 
     assert times.remaining(vision, FOUR, 0, running=1) == replace(expected, setting_seconds=7.0)
+
+
+def test_passed_bound_is_said_once() -> None:
+    said: list[str] = []
+    announced = Announced(work="The proof on onboard", most_ms=20 * 60_000, say=said.append)
+    announced.add(15 * 60_000)
+    announced.look(5 * 60_000)
+    assert said == []
+
+    announced.look(6 * 60_000)
+    announced.add(11 * 60_000)
+
+    assert said == ["The proof on onboard takes longer than the announced 20 min."]

@@ -168,6 +168,16 @@ def test_proof_keeps_its_budget_unless_asked(here: Path) -> None:
     assert int(str(asked["vision p90_response_time"]["samples"])) >= 40
 
 
+def test_passed_bound_is_said_while_it_runs(here: Path) -> None:
+    """`--samples` outlasts the budget of jobs without a period, whose time is not known when the bound is printed."""
+    change(here, "interference: busy-loop", "interference: busy-loop, measuring: { proof: 1 min }")
+
+    short, asked = prove(), prove("--samples", "1500")
+
+    assert "takes longer than" not in short.err
+    assert asked.err.count("The proof on onboard takes longer than the announced") == 1, asked.err
+
+
 def test_load_leaves_unused_time_to_the_next(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     change(here, "interference: busy-loop", "interference: [busy-loop, bursts-20], measuring: { proof: 10 min }")
     budgets: list[float] = []

@@ -99,6 +99,8 @@ def test_manifest_that_does_not_fit_is_tuned(tmp_path: Path) -> None:
     assert "No other layout of these components is better by `policy.minimise`" in " ".join(tuned.out.split())
     assert "?" not in tuned.err, "nothing that looks like a question is told where no user is asked"
     assert "paths+video  " in declined.err
+    assert declined.err.count("Tuning 3 partitions on onboard (simulated): at most ") == 1, declined.err
+    assert "Tuning" not in again.err
     second = json.loads(again.out)["run"]
     assert second["ending"] == "nothing_to_do"
     assert {part["parts_lp"] for part in second["partitions"]} == {None}, "this run combined nothing"

@@ -24,19 +24,15 @@ def runs(once_in: int) -> Condition:
     ],
 )
 def test_condition_says_how_rare(condition: Condition, words: str) -> None:
-    assert describe_conditions([condition], verbose=True) == f"* Met if unseen slow jobs are rare. {words}"
-
-
-def test_rareness_is_said_with_verbose_only() -> None:
-    assert describe_conditions([runs(367)], verbose=False) == "* Met if unseen slow jobs are rare (see -v)."
+    assert describe_conditions([condition]) == f"* Met if unseen slow jobs are rare. {words}"
 
 
 def test_no_condition_has_no_sentence() -> None:
-    assert describe_conditions([], verbose=True) == ""
+    assert describe_conditions([]) == ""
 
 
 def test_strictest_condition_of_each_kind_is_said() -> None:
-    said = describe_conditions([slow(116), runs(367), slow(1_191, slower_than_ms=140.0), runs(90)], verbose=True)
+    said = describe_conditions([slow(116), runs(367), slow(1_191, slower_than_ms=140.0), runs(90)])
 
     parts = "vision: at most 1 job in 1,191 slower than 112.8 ms; voice: at most 1 run of 5 bad jobs in 367 jobs."
     assert said.endswith(parts)

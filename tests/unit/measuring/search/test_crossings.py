@@ -1,11 +1,13 @@
 """How well a setting shows where the answer lies, and what may yet be enough."""
 
+from dataclasses import replace
 from itertools import accumulate
 from random import Random
 
 import pytest
 
 from rarms_iac.measuring.search.crossings import down_to, is_known
+from rarms_iac.measuring.search.first_pass import search_by_estimates
 from rarms_iac.measuring.search.trials import Goal, Member
 from rarms_iac.measuring.strategies import Search, strategy_of
 from rarms_iac.model.experiment import Budget
@@ -97,3 +99,15 @@ def test_confirmed_answer_still_names_the_lower_one(*, confirms: bool) -> None:
     ended = strategy_of(Search(floor=50, confirms=confirms), a_goal(), 100).decide(settings)
     assert isinstance(ended, Sufficient)
     assert (ended.down_to is not None) is confirms
+
+
+def test_first_pass_goes_on_below_settings_for_another_threshold() -> None:
+    settings = [replace(a_setting(reserve, 60), first_pass=True) for reserve in (70, 90, 80, 75, 72, 71, 73)]
+    walked = []
+    while isinstance(decision := search_by_estimates(settings, a_goal(), 100), Measure):
+        walked.append(decision.reserve)
+        settings.append(replace(a_setting(decision.reserve, 60), first_pass=True))
+
+    assert isinstance(decision, Sufficient)
+    assert 43 <= decision.reserve <= 50
+    assert len(walked) <= 5

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +25,9 @@ if sys.platform != "win32":
 assert sys.platform == "win32"
 
 import winreg  # noqa: E402
+
+import win32con  # noqa: E402
+import win32file  # noqa: E402
 
 from rarms_iac.providers.hyperv import local_windows  # noqa: E402
 from rarms_iac.providers.hyperv.local_windows import ThisWindows, credential_files, observe_here  # noqa: E402
@@ -155,7 +159,7 @@ def test_journal_is_read_while_run_replaces_it(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "rarms").mkdir()
     journal, fresh = (tmp_path / "rarms" / f"journal.jsonl{end}" for end in ("", ".new"))
     fresh.write_text("{}", encoding="ascii")
-    monkeypatch.setattr(local_windows.time, "sleep", lambda _: fresh.rename(journal))
+    monkeypatch.setattr(time, "sleep", lambda _: fresh.rename(journal))
 
     assert ThisWindows().journal()[1] == "{}"
 
@@ -165,12 +169,25 @@ def test_journal_that_never_began_is_absent(tmp_path: Path, monkeypatch: pytest.
     (tmp_path / "rarms").mkdir()
     (tmp_path / "rarms" / "journal.jsonl.new").write_text("{", encoding="ascii")
     looks: list[float] = []
-    monkeypatch.setattr(local_windows.time, "sleep", looks.append)
+    monkeypatch.setattr(time, "sleep", looks.append)
 
     with pytest.raises(NotRead) as raised:
         ThisWindows().journal()
 
-    assert (raised.value.error, sum(looks) <= 1) == ("PathNotFound", True)
+    assert (raised.value.error, sum(looks) < 2) == ("PathNotFound", True)
+
+
+def test_held_journal_is_not_called_denied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_windows, "own_folder", lambda: tmp_path)
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+    path = str(tmp_path / "journal.jsonl")
+    alone = win32file.CreateFile(path, win32con.GENERIC_WRITE, 0, None, win32con.CREATE_NEW, 0, None)
+
+    with pytest.raises(NotRead) as raised:
+        ThisWindows().journal()
+    alone.Close()
+
+    assert (raised.value.error, raised.value.denied) == ("Win32Error32", False)
 
 
 DISK = """<INSTANCE CLASSNAME="Msvm_VirtualHardDiskSettingData"><PROPERTY NAME="Type" TYPE="uint16"><VALUE>4</VALUE>
