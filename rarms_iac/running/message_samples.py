@@ -10,10 +10,12 @@ import shutil
 import subprocess
 import time
 from collections.abc import Generator, Mapping
+from fractions import Fraction
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Command, Process, Run, Service, Stop
 from rarms_iac.model.series import HeardMessages, Sample
 from rarms_iac.running.environment import as_user, own_program
@@ -36,6 +38,8 @@ SLACK_S = 0.25
 """How much later than its time-out an input is given up: the line of its output may be on its way."""
 LATEST = 1000
 """Measurements of the subscriber's delay, and of the clock, that are kept."""
+LEAVES_MASTER = Stop(signal="TERM", grace=Milliseconds(Fraction(2000)))
+"""How the subscriber is stopped: it unregisters, unless its master does not answer."""
 NO_ROS = "Install python3-rospy (ROS 1) or python3-rclpy (ROS 2), or add the setup file of ROS to `run.setup`."
 NO_MASTER = "Start it with your drivers, or name the right one: `ROS_MASTER_URI` in `run.environment`."
 _SEARCHING_S = 30.0
@@ -60,7 +64,7 @@ def subscriber_order(component: str, run: Run, order: StartOrder) -> StartOrder 
     words = (*before, python, str(SUBSCRIBER), version, run.samples.input, run.samples.output)
     program = shutil.which(words[0]) or words[0]
     own = ProcessOrder(name="", words=(program, *words[1:]), folder=sampled.folder, environment=environment)
-    return StartOrder(name=component, processes=(own,), stop=Stop(signal="KILL"), keeps_priority=True)
+    return StartOrder(name=component, processes=(own,), stop=LEAVES_MASTER, keeps_priority=True)
 
 
 def _before_subscriber(

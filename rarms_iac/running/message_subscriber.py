@@ -11,6 +11,9 @@ Standard output has a JSON object a line, of one write:
 - `{"delay_ms": 0.3}`: how long a message that it publishes to itself takes. `{"simulated": true}`: `use_sim_time`.
 - `{"no_master": "http://..."}`: ROS 1 has no master there yet.
 - `{"waits_for": "..."}`: what is not there yet. `{"cannot": "..."}`: why no message can be used; it then ends.
+
+It ends on SIGTERM, and when nobody reads its output. It then unregisters at the master of ROS 1, which would otherwise
+call it at its old port for ever, where another node may listen by then.
 """
 
 from __future__ import annotations
@@ -18,9 +21,11 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import socket
 import struct
 import sys
+import threading
 import time
 from typing import Any
 
@@ -29,12 +34,15 @@ PROBE_S = 0.1
 WAIT_S = 0.2
 HEADERS = ("Header", "std_msgs/Header", "std_msgs/msg/Header")
 QUEUE = 1000
+ENDS = threading.Event()
+"""Set when it is to end."""
 _FIELD = re.compile(r"^\s*([\w/\[\]<>=]+)\s+\w+\s*(#.*)?$")
 
 
 def main(words: list[str]) -> None:
     """Subscribe, and send what comes until the reader has gone."""
     version, source, target = words
+    signal.signal(signal.SIGTERM, lambda *_: ENDS.set())
     (subscribe_1 if version == "1" else subscribe_2)({"input": source, "output": target})
 
 
@@ -43,13 +51,13 @@ def send(**values: object) -> None:
     try:
         os.write(1, json.dumps(values).encode() + b"\n")
     except BrokenPipeError:
-        os._exit(0)
+        ENDS.set()
 
 
 def give_up(reason: str) -> None:
-    """Send why no message can be used, and end all threads."""
+    """Send why no message can be used, and end."""
     send(cannot=reason)
-    os._exit(1)
+    ENDS.set()
 
 
 def send_message(role: str, stamp: int, at: float) -> None:
@@ -76,13 +84,15 @@ def subscribe_1(topics: dict[str, str]) -> None:
     from std_msgs.msg import Header  # type: ignore[import-not-found,unused-ignore]
 
     socket.setdefaulttimeout(5.0)
-    while True:
+    while not ENDS.is_set():
         try:
             rospy.get_master().getPid()
             break
         except (OSError, rospy.ROSException):
             send(no_master=os.environ.get("ROS_MASTER_URI", "http://localhost:11311"))
             time.sleep(WAIT_S)
+    else:
+        return
     socket.setdefaulttimeout(None)
     rospy.init_node("rarms_samples", anonymous=True, disable_signals=True)
     send(simulated=bool(rospy.get_param("/use_sim_time", False)))
@@ -98,6 +108,7 @@ def subscribe_1(topics: dict[str, str]) -> None:
                 known[kind] = kind in HEADERS or first_field(definition) in HEADERS
             if not known[kind]:
                 give_up(without_header(topic, kind))
+                return
             _, seconds, nanoseconds = struct.unpack_from("<III", message._buff)  # noqa: SLF001
             send_message(role, seconds * 10**9 + nanoseconds, at)
 
@@ -106,10 +117,10 @@ def subscribe_1(topics: dict[str, str]) -> None:
     probe = rospy.Publisher(rospy.get_name() + "/delay", Header, queue_size=1, tcp_nodelay=True)
     for role, topic in {**topics, "delay": rospy.get_name() + "/delay"}.items():
         listen(role, topic)
-    while not rospy.is_shutdown():
-        time.sleep(PROBE_S)
+    while not ENDS.wait(PROBE_S):
         now = time.time_ns()
         probe.publish(Header(stamp=rospy.Time(now // 10**9, now % 10**9)))
+    rospy.signal_shutdown("rarms has its samples")
 
 
 def without_header(topic: str, kind: str) -> str:
@@ -140,6 +151,7 @@ def subscribe_2(topics: dict[str, str]) -> None:
         fields = list(message_class.get_fields_and_field_types().values())
         if kind not in HEADERS and fields[:1] not in ([header.replace("/msg", "")] for header in HEADERS):
             give_up(without_header(topic, kind))
+            return
 
         def take(data: bytes) -> None:
             at = time.perf_counter()
@@ -152,7 +164,7 @@ def subscribe_2(topics: dict[str, str]) -> None:
     listen("delay", name + "/delay", "std_msgs/msg/Header")
     unknown = dict(topics)
     next_probe = next_search = 0.0
-    while rclpy.ok():
+    while rclpy.ok() and not ENDS.is_set():
         now = time.perf_counter()
         if unknown and now >= next_search:
             next_search = now + WAIT_S
@@ -170,6 +182,7 @@ def subscribe_2(topics: dict[str, str]) -> None:
             seconds, nanoseconds = divmod(time.time_ns(), 10**9)
             probe.publish(header_class(stamp=time_class(sec=seconds, nanosec=nanoseconds)))
         rclpy.spin_once(node, timeout_sec=max(0.0, next_probe - time.perf_counter()))
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":

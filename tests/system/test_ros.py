@@ -105,6 +105,23 @@ def test_response_is_the_time_between_messages(ros: dict[str, str], tmp_path: Pa
 
 
 @ros_1
+@pytest.mark.parametrize("ends", [12, 10**6], ids=["ended", "killed"])
+def test_subscriber_unregisters_at_the_master(ros: dict[str, str], tmp_path: Path, ends: int) -> None:
+    """Otherwise the master calls it at its old port, where another node may listen by then."""
+    script = "import rosgraph; print(rosgraph.Master('/test').getSystemState())"
+
+    with ComponentRun("detector", detector(until=ends), StartContext(base=tmp_path, environment=ros)) as running:
+        next(running)
+        during = subprocess.check_output([SYSTEM_PYTHON, "-c", script], env=ros, text=True)
+        if ends == 12:
+            list(running)
+    after = subprocess.check_output([SYSTEM_PYTHON, "-c", script], env=ros, text=True)
+
+    assert "rarms_samples" in during
+    assert "rarms_samples" not in after
+
+
+@ros_1
 def test_death_of_the_node_is_a_failed_sample(ros: dict[str, str], tmp_path: Path) -> None:
     samples, _ = heard(replace(detector(MESSAGES, "dies", until=99), failures=0), tmp_path, ros)
 

@@ -72,6 +72,9 @@ class Node:
 def init() -> None: ...
 
 
+def shutdown() -> None: ...
+
+
 def ok() -> bool:
     return True
 
