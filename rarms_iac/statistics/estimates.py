@@ -32,6 +32,7 @@ from rarms_iac.statistics.samples import (
     successes,
 )
 from rarms_iac.statistics.steady_state import answered_before, split_series, steady_part
+from rarms_iac.texts.messages import counted
 
 FEWEST_EFFECTIVE = 25
 """Independent samples that a mean's bounds need once there are `FIRST_LOOK`, or half of all, where that is less: of
@@ -222,7 +223,7 @@ def mean_estimate(
     """
     count = len(numbers)
     if count < 2:
-        return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
+        return NoEstimate(reason=f"{counted(count, 'job')} answered; a mean with bounds needs two")
     mean, effective = sum(numbers) / count, effective_samples(numbers, starts, error)
     if unseen and mean <= 0.0:
         return NoEstimate(reason="every job took 0 ms: the clock is too coarse")
@@ -392,7 +393,7 @@ def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate |
     """
     times = response_times(series.samples)
     if len(times) < 3:
-        return NoEstimate(reason=f"{len(times)} jobs answered; jitter with bounds needs three")
+        return NoEstimate(reason=f"{counted(len(times), 'job')} answered; jitter with bounds needs three")
     count, mean = len(times), sum(times) / len(times)
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / count
