@@ -50,6 +50,12 @@ _WHY_SAMPLES_FAIL = (
     "of `per_run` may end with any exit code."
 )
 
+_WHY_MESSAGES_FAIL = (
+    "Read the standard error of the component. See who publishes the two topics, for example with `rostopic info`: "
+    "`samples.input` is what the component subscribes to, `samples.output` what it publishes, with the stamp of the "
+    "input. A job that takes longer than `run.timeout` fails."
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentRunResult:
@@ -385,7 +391,8 @@ def findings_of_run(
             allowed=result.run.failures,
             out_of_memory=result.evidence.out_of_memory.get(name, 0),
         )
-        yield failed_samples(failed, "on this machine", places, advice=_WHY_SAMPLES_FAIL)
+        advice = _WHY_MESSAGES_FAIL if result.run.samples.source == "ros" else _WHY_SAMPLES_FAIL
+        yield failed_samples(failed, "on this machine", places, advice=advice)
         return
     missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
     for index in () if reserved else missed:

@@ -99,7 +99,10 @@ def with_setup(component: str, process: Process, environment: Mapping[str, str],
     files, folder = [base.resolve() / file for file in process.setup], base.resolve() / process.folder
     for file in files:
         if not file.is_file():
-            advice = "A path in `run.setup` is absolute, or relative to the manifest."
+            advice = (
+                "A path in `run.setup` is absolute, or relative to the manifest. Debian's own ROS packages have no setup "
+                "file: remove `setup`."
+            )
             raise CannotStart(component, f"its setup file {file} does not exist", advice)
     bash = ("bash", "--noprofile", "--norc", "-c", _SOURCE, "bash")
     before, own = as_user(component, process, environment)
