@@ -100,8 +100,8 @@ def with_setup(component: str, process: Process, environment: Mapping[str, str],
     for file in files:
         if not file.is_file():
             advice = (
-                "A path in `run.setup` is absolute, or relative to the manifest. Debian's own ROS packages have no setup "
-                "file: remove `setup`."
+                "A path in `run.setup` is absolute, or relative to the manifest. Debian's own ROS packages have no "
+                "setup file: remove `setup`."
             )
             raise CannotStart(component, f"its setup file {file} does not exist", advice)
     bash = ("bash", "--noprofile", "--norc", "-c", _SOURCE, "bash")
