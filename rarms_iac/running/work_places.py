@@ -95,7 +95,8 @@ class WorkPlaces:
         now = look()
         self._last, self._alive = {**self._last, **now}, frozenset(now)
         groups = {group for place in places for group in place.groups}
-        self._inside = frozenset(members((*groups, *self._load_groups)))
+        ended = self._inside - now.keys()  # they were inside for as long as they were seen
+        self._inside = ended.union(members((*groups, *self._load_groups)))
         for group in groups:
             if (used := _group_ms(group)) is not None:
                 self._used_ms[group] = used - self._group_ms.get(group, 0.0)

@@ -93,3 +93,18 @@ def test_time_of_ended_children_counts_once() -> None:
     used = used_ticks(before, last, frozenset({1}))  # the shell ended, and what it had is in its parent's
 
     assert (used[5].own, used[5].children, used[1].children) == (20, 30, 0)
+
+
+def test_work_of_an_ended_process_stays_inside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    eyes = {51: process("eyes", 200, parent=50), **SUPERVISOR}
+    looks, group = iter((SUPERVISOR, eyes, SUPERVISOR)), replace(EYES, groups=(tmp_path,))
+    monkeypatch.setattr(work_places, "look", lambda: next(looks))
+    monkeypatch.setattr(work_places, "kernel_text", lambda file: Path(file).read_text() if file.exists() else "0::/box")
+    monkeypatch.setattr(work_places, "_group_ms", lambda _group: None)
+    (tmp_path / "cgroup.procs").write_text("51\n")
+    places = WorkPlaces()
+    places.look([group])
+    (tmp_path / "cgroup.procs").write_text("")  # it has ended
+    places.look([group])
+
+    assert places.outside([group], 10_000.0) == ()
