@@ -25,7 +25,6 @@ import signal
 import socket
 import struct
 import sys
-import threading
 import time
 from typing import Any
 
@@ -34,15 +33,15 @@ PROBE_S = 0.1
 WAIT_S = 0.2
 HEADERS = ("Header", "std_msgs/Header", "std_msgs/msg/Header")
 QUEUE = 1000
-ENDS = threading.Event()
-"""Set when it is to end."""
+ENDED: list[str] = []
+"""Why it is to end. No lock: a signal handler may run while one is held."""
 _FIELD = re.compile(r"^\s*([\w/\[\]<>=]+)\s+\w+\s*(#.*)?$")
 
 
 def main(words: list[str]) -> None:
     """Subscribe, and send what comes until the reader has gone."""
     version, source, target = words
-    signal.signal(signal.SIGTERM, lambda *_: ENDS.set())
+    signal.signal(signal.SIGTERM, lambda *_: ENDED.append("SIGTERM"))
     (subscribe_1 if version == "1" else subscribe_2)({"input": source, "output": target})
 
 
@@ -51,13 +50,13 @@ def send(**values: object) -> None:
     try:
         os.write(1, json.dumps(values).encode() + b"\n")
     except BrokenPipeError:
-        ENDS.set()
+        ENDED.append("nobody reads")
 
 
 def give_up(reason: str) -> None:
     """Send why no message can be used, and end."""
     send(cannot=reason)
-    ENDS.set()
+    ENDED.append(reason)
 
 
 def send_message(role: str, stamp: int, at: float) -> None:
@@ -84,7 +83,7 @@ def subscribe_1(topics: dict[str, str]) -> None:
     from std_msgs.msg import Header  # type: ignore[import-not-found,unused-ignore]
 
     socket.setdefaulttimeout(5.0)
-    while not ENDS.is_set():
+    while not ENDED:
         try:
             rospy.get_master().getPid()
             break
@@ -117,10 +116,32 @@ def subscribe_1(topics: dict[str, str]) -> None:
     probe = rospy.Publisher(rospy.get_name() + "/delay", Header, queue_size=1, tcp_nodelay=True)
     for role, topic in {**topics, "delay": rospy.get_name() + "/delay"}.items():
         listen(role, topic)
-    while not ENDS.wait(PROBE_S):
+    while not ENDED:
+        time.sleep(PROBE_S)
         now = time.time_ns()
         probe.publish(Header(stamp=rospy.Time(now // 10**9, now % 10**9)))
-    rospy.signal_shutdown("rarms has its samples")
+    leave_master(rospy.get_master(), rospy.get_name(), rospy.get_node_uri())
+    os._exit(0)  # rospy's own end joins threads, which takes seconds and a processor
+
+
+def leave_master(master: Any, name: str, uri: str) -> None:
+    """Unregister all that this node has at the master of ROS 1; a master that does not answer has nothing to forget."""
+    socket.setdefaulttimeout(1.0)
+    try:
+        publishers, subscribers, services = master.getSystemState()[2]
+        for topic in of_node(publishers, name):
+            master.unregisterPublisher(topic, uri)
+        for topic in of_node(subscribers, name):
+            master.unregisterSubscriber(topic, uri)
+        for service in of_node(services, name):
+            master.unregisterService(service, master.lookupService(service)[2])
+    except OSError:
+        return
+
+
+def of_node(entries: list[Any], name: str) -> list[str]:
+    """Return the names of the entries that a node has."""
+    return [entry for entry, nodes in entries if name in nodes]
 
 
 def without_header(topic: str, kind: str) -> str:
@@ -164,7 +185,7 @@ def subscribe_2(topics: dict[str, str]) -> None:
     listen("delay", name + "/delay", "std_msgs/msg/Header")
     unknown = dict(topics)
     next_probe = next_search = 0.0
-    while rclpy.ok() and not ENDS.is_set():
+    while rclpy.ok() and not ENDED:
         now = time.perf_counter()
         if unknown and now >= next_search:
             next_search = now + WAIT_S
