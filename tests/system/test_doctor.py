@@ -20,7 +20,7 @@ def test_a_host_without_problems(desk: Desk) -> None:
 
     assert (ran.code, ran.err) == (0, "")
     assert "  scheduler   classic" in ran.lines
-    assert ran.lines[-1] == "No problems found: the hosts can honour reservations. Next: `rarms status`"
+    assert ran.lines[-1].startswith("No problems found: the hosts can honour reservations. Next: `rarms status -f ")
 
 
 @pytest.mark.parametrize(

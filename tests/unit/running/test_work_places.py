@@ -101,6 +101,7 @@ def test_work_of_an_ended_process_stays_inside(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(work_places, "look", lambda: next(looks))
     monkeypatch.setattr(work_places, "kernel_text", lambda file: Path(file).read_text() if file.exists() else "0::/box")
     monkeypatch.setattr(work_places, "_group_ms", lambda _group: None)
+    monkeypatch.setattr(work_places, "in_ms", float)
     (tmp_path / "cgroup.procs").write_text("51\n")
     places = WorkPlaces()
     places.look([group])
