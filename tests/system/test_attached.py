@@ -181,7 +181,8 @@ def test_what_cannot_be_held_is_refused(tmp_path: Path, container: str, monkeypa
         assert f"contains sshd-session ({process}), " in refused(host, nav2(container))
 
     times = ("--sched-runtime=1000000", "--sched-deadline=20000000", "--sched-period=20000000")
-    subprocess.run(["chrt", "--deadline", *times, "--pid", "0", str(process)], check=True)
+    # Without --reset-on-fork the shell can start no further child, and its container ends.
+    subprocess.run(["chrt", "--reset-on-fork", "--deadline", *times, "--pid", "0", str(process)], check=True)
     assert "has SCHED_DEADLINE, and a quota does not limit such a thread" in refused(host, nav2(container))
 
 
