@@ -12,7 +12,6 @@ It fails where more than 1 % of the layouts that have a plan miss in either proo
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -24,7 +23,7 @@ from random import Random
 from shutil import rmtree
 
 import rarms_iac as rarms
-from benchmarks.timing import Figure, report
+from benchmarks.timing import Figure, commit, report
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.measuring.each_load import decisive
@@ -208,9 +207,7 @@ def commit_of(folder: Path) -> str:
     """Return the commit that a folder's layouts are drawn from: the last one, when the folder is new."""
     file = folder / "commit"
     if not file.exists():
-        words = ["git", "rev-parse", "HEAD"]
-        here = Path(__file__).parent
-        file.write_text(subprocess.run(words, cwd=here, capture_output=True, text=True, check=True).stdout.strip())
+        file.write_text(commit(), encoding="utf-8")
     return file.read_text(encoding="utf-8")
 
 

@@ -120,3 +120,9 @@ def report(figures: Sequence[Figure]) -> int:
     """Print the table; 1 when a goal was missed, otherwise 0."""
     print(table(figures))
     return 0 if all(figure.reached for figure in figures) else 1
+
+
+def commit() -> str:
+    """Return the id of the checkout's last commit."""
+    words = ["git", "rev-parse", "HEAD"]
+    return subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=True).stdout.strip()

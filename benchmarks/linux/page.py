@@ -7,7 +7,6 @@ The page's words are in `evaluation.md.j2`; what was not measured is named there
 
 import os
 import platform
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -46,6 +45,7 @@ from benchmarks.linux.experiments import (
     work_of,
 )
 from benchmarks.paper.drawing import Chart, draw
+from benchmarks.timing import commit
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -282,15 +282,10 @@ def _machine(record: Log) -> Mapping[str, object]:
         "groups": tree.version if isinstance(tree, GroupTree) else "none",
         "python": platform.python_version(),
         "today": datetime.now(UTC).date(),
-        "commit": _commit(),
+        "commit": commit()[:9],
         "experiments": len(record.records),
         "others": median(_others(record)),
     }
-
-
-def _commit() -> str:
-    words = ["git", "rev-parse", "--short=9", "HEAD"]
-    return subprocess.run(words, check=True, capture_output=True, text=True, cwd=Path(__file__).parent).stdout.strip()
 
 
 def _others(record: Log) -> Iterator[float]:
