@@ -211,13 +211,7 @@ def _prove_all(
         for number, each in enumerate(conditions):
             began = clock()
             within = replace(each, budget_ms=left_ms / (len(conditions) - number))
-
-            def look(
-                host_ms: float, announced: Announced = announced, by_host: bool = by_host, began: float = began
-            ) -> None:
-                announced.look(host_ms if by_host else 1000 * (clock() - began))
-
-            proof = _prove(session, name, layout, within, look)
+            proof = _prove(session, name, layout, within, announced.look if by_host else _looking(announced, clock))
             if proof is None:
                 left = [each.interference for each in conditions[number:] if each.interference]
                 return proofs, tuple(left) if len(layouts) == 1 else ()  # of several hosts all are proven again
@@ -267,6 +261,12 @@ def _unit_of(proof: LayoutProof, number: int, of: int) -> FinishedUnit:
     words = [verdict_word(each.verdict) for each in proof.verdicts]
     ending: UnitEnding = "missed" if "missed" in words else "met" if set(words) <= {"met"} else "inconclusive"
     return FinishedUnit(number=number, of=of, subject=proof.host, load=proof.interference or "no load", ending=ending)
+
+
+def _looking(announced: Announced, clock: Callable[[], float]) -> Callable[[float], None]:
+    """Return a look at an announced time by the user's clock, from now on; it ignores the time of the host."""
+    began = clock()
+    return lambda _host_ms: announced.look(1000 * (clock() - began))
 
 
 def loads_to_prove(system: System, request: ProveRequest) -> tuple[str, ...]:

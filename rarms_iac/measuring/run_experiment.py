@@ -160,9 +160,9 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             known, new = known.with_run(setting), new + 1
             remaining = times.remaining(experiment, run.count, new, running=0)
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
-            announced.add(1000 * seconds)
-            is_simulated = experiment.host.provider is ProviderKind.SIMULATED
-            session.announced.add(setting.host_ms if is_simulated else 1000 * seconds)
+            spent_ms = setting.host_ms if experiment.host.provider is ProviderKind.SIMULATED else 1000 * seconds
+            announced.add(spent_ms)
+            session.announced.add(spent_ms)
             if (number := other_processors(experiment, setting.used_processors)) is not None:
                 return ProcessorNumber(number=number, source=ProcessorSource.USED)
 
