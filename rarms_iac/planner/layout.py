@@ -117,9 +117,9 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
 def gather_unmeasured(findings: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Replace the findings on components without a measurement: one for each platform, in the place of its first."""
     kinds: dict[object, list[Diagnostic]] = {}
-    for finding in findings:
+    for number, finding in enumerate(findings):
         is_one = finding.code == planning_findings.UNMEASURED.code and "loads_not_measured" not in finding.values
-        kinds.setdefault(finding.values["platform"] if is_one else finding, []).append(finding)
+        kinds.setdefault(finding.values["platform"] if is_one else number, []).append(finding)
     return tuple(alike[0] if len(alike) == 1 else _unmeasured_together(alike) for alike in kinds.values())
 
 
