@@ -713,7 +713,7 @@ function Lock-Host {
 function Unlock-Host {
     if ($null -eq $script:Handle) { return }
     $script:Handle.Dispose()
-    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message 'another run has locked it' }
+    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
 }
 
 function Assert-NoLink {

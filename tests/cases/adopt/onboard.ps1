@@ -21,7 +21,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 79c36d8cbb2f0efbca2a75f3eb0dbbeb27f5d33949b725276b24944ac4836aca, Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest 4d5682a33575, rarms 0.1.0. SHA-256: the undo 399975820b1706acfb3fa79e2b4eb04ce706537d9fb496b1d93d90dedb8a65ee, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'import'; Plan = '634e9a6a22fc'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '79c36d8cbb2f0efbca2a75f3eb0dbbeb27f5d33949b725276b24944ac4836aca'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '399975820b1706acfb3fa79e2b4eb04ce706537d9fb496b1d93d90dedb8a65ee'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -50,7 +50,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -22,7 +22,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo ae1d13176f00d13fc2fe2884ca38bdfa6bce8d2e9a78e0d51b5dc8ca6464b984, Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest b7d3c6585bb8, rarms 0.1.0. SHA-256: the undo f2887698f2114d5735f9c54150fb2101038c5506efa92e13fab5692834c6417c, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -39,7 +39,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = 'bf93d04b56c7'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'ae1d13176f00d13fc2fe2884ca38bdfa6bce8d2e9a78e0d51b5dc8ca6464b984'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'f2887698f2114d5735f9c54150fb2101038c5506efa92e13fab5692834c6417c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -71,7 +71,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 5bc75f9914fcbf77ff05be8dc0b18779d1d7c676db3a7762cb8f26460a2dc19d, Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 1b84a6ea29f07c72830ecd7f8e205d91ac81ed69af44c696cae3b56da8161f8c, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -40,7 +40,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '0a3e25b64bcc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '5bc75f9914fcbf77ff05be8dc0b18779d1d7c676db3a7762cb8f26460a2dc19d'
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1b84a6ea29f07c72830ecd7f8e205d91ac81ed69af44c696cae3b56da8161f8c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -67,7 +67,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

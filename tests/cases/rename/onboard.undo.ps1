@@ -21,7 +21,7 @@
     Shows the changes. Without -WhatIf, undoes the completed steps, the last one first.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest 99bc47caa5e2, rarms 0.1.0. SHA-256: Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -56,7 +56,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

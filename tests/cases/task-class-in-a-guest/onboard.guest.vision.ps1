@@ -22,7 +22,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 38a67e1cc27c681cd2ce047152c401e205d878934b7ffd0162baae6a1e16b536, Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo bec691130fa7a6511f33aea2fbe6ba96ced7235188225f7420218231a7567c4f, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '38a67e1cc27c681cd2ce047152c401e205d878934b7ffd0162baae6a1e16b536'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'bec691130fa7a6511f33aea2fbe6ba96ced7235188225f7420218231a7567c4f'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)
@@ -65,7 +65,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {

@@ -21,7 +21,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo 65c6043edf68c3b0eb21370fed61acc46a91f38741ea523496140007b05c6a0a, Rarms.psm1 5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0.
+    Manifest e5f5edd3eae7, rarms 0.1.0. SHA-256: the undo ab8048a9aef1114d8f752bd221c0053aa31b1504f1a72aebeff6432f85efb4a6, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -38,7 +38,7 @@ Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
         Run = 'apply'; Purpose = 'apply'; Plan = '180aff4c51e0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '65c6043edf68c3b0eb21370fed61acc46a91f38741ea523496140007b05c6a0a'
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'ab8048a9aef1114d8f752bd221c0053aa31b1504f1a72aebeff6432f85efb4a6'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -70,7 +70,7 @@ $plan = {
 $folder = [System.IO.Path]::Combine($PSScriptRoot, 'Rarms')
 $digests = @{
     'Rarms.psd1' = 'E34D70EEBED3B347459676463006E905A6034EF64AFBB52A35975F77E0BA1F4C'
-    'Rarms.psm1' = '5190BBE90C3AD3EB6014720AF7F8CD6D82DB906EC8218A9B4D48041BA01BD8E0'
+    'Rarms.psm1' = '047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F'
 }
 $form = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 foreach ($name in @($digests.Keys)) {
