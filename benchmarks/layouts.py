@@ -3,9 +3,9 @@
 `python -m benchmarks.layouts [LAYOUTS [FOLDER]]` draws so many layouts (300 unless said) of 1, 2 or 4 LPs, from the
 hash of the last commit. Each component has one threshold (mean, p90, p95 or success rate), just what it shows at a
 drawn reservation with the load that delays it most. Each layout is measured, planned, applied and proven, and proven
-again for longer with another seed. It is measured with each load in one partition, too: the difference in LP is what
-the second partition costs. FOLDER keeps `commit` and `layouts.jsonl`: a run that was killed goes on. PROCESSES in the
-environment is the number of processes, 2 unless said.
+again for longer with another seed. Every fifth layout is measured with each load in one partition, too: the difference
+in LP is what the second partition costs. FOLDER keeps `commit` and `layouts.jsonl`: a run that was killed goes on.
+PROCESSES in the environment is the number of processes, 2 unless said.
 
 It fails where more than 1 % of the layouts that have a plan miss in either proof.
 """
@@ -40,6 +40,7 @@ PROCESSES = int(os.environ.get("PROCESSES", "2"))
 MOST_MISSED = 1.0  # per cent of the layouts
 SETTING, PROOF, LONG_PROOF = "5 min", "5 min", "30 min"  # of the host's clock
 LONG_SEED = 7
+COMPARED_EACH = 5  # every fifth layout is measured with each load in one partition, too
 INDEXES = ("mean", "p90", "p95", "success")
 ONE_PARTITION = {
     "busy-1": "{{ kind: busy_loop, threads: {lps} }}",
@@ -116,7 +117,7 @@ class Outcome:
     lps: int
     planned: bool
     reserved_lp: float = 0.0
-    one_partition_lp: float = 0.0  # what it needs with each load in one partition; 0: a component has no answer so
+    one_partition_lp: float = 0.0  # needed with each load in one partition; 0: not known
     missed: tuple[str, ...] = ()  # component, index and load; of no plan the findings
     missed_long: tuple[str, ...] = ()  # in the long proof
 
@@ -135,7 +136,7 @@ def outcome_of(commit: str, folder: Path, number: int) -> Outcome:
     except UseCaseError as problem:
         codes = tuple(sorted({diagnostic.code for diagnostic in problem.findings}))
         return Outcome(number=number, lps=layout.lps, planned=False, missed=codes)
-    one_partition_lp = _with_one_partition(hosts)
+    one_partition_lp = Fraction(0) if number % COMPARED_EACH else _with_one_partition(hosts)
     rarms.apply(plan)
     missed = tuple(sorted(_missed(hosts, ProveRequest())))
     reserved = sum(
