@@ -33,6 +33,22 @@ def test_objects_follow_the_machine(real: RealPowerShell) -> None:
     assert host.machine("backup").notes == "new"
 
 
+def test_entries_are_written_to_the_event_log_of_windows(real: RealPowerShell) -> None:
+    """.NET writes an entry after it has made the source known in the registry."""
+    host = a_windows()
+    source = "SYSTEM\\CurrentControlSet\\Services\\EventLog\\Application\\rarms"
+
+    told = ran(
+        real,
+        host,
+        f"[Microsoft.Win32.Registry]::LocalMachine.DeleteSubKeyTree('{source}', $false)",
+        "[System.Diagnostics.EventLog]::WriteEntry('rarms', 'an entry', 'Warning', 3)",
+        f"$null -ne [Microsoft.Win32.Registry]::LocalMachine.OpenSubKey('{source}')",
+    )
+
+    assert (told.lines, host.event_log) == (("True",), [("Warning", 3, "an entry")]), told.says
+
+
 @pytest.mark.parametrize(
     ("call", "error"),
     [

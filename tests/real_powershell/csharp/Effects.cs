@@ -54,12 +54,16 @@ namespace RarmsTests
         }
     }
 
+    // The model says whether the log takes the entry; on Windows it is then written, to the log of wine.
     public static class EventLog
     {
         public static void WriteEntry(string source, string message, System.Diagnostics.EventLogEntryType type, int number)
         {
             Dictionary<string, object> answer = Wire.Ask("event", new object[] { type.ToString(), number, message });
             if (answer.ContainsKey("error")) { throw new InvalidOperationException((string)answer["error"]); }
+#if !LINUX
+            System.Diagnostics.EventLog.WriteEntry(source, message, type, number);
+#endif
         }
     }
 
