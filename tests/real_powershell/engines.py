@@ -141,7 +141,8 @@ def kill(process: subprocess.Popen[bytes]) -> None:
     """End a program that an engine started, with all its group, by SIGKILL."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
+    with suppress(subprocess.TimeoutExpired):  # wine's server keeps the pipes of a process whose end it missed
+        process.communicate(timeout=10)
 
 
 @contextmanager
