@@ -17,7 +17,7 @@ from rarms_iac.measuring.strategies import FirstPass, Method, Search, is_of_pape
 from rarms_iac.model.capacity import shared_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import is_steady
-from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Swept
+from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.setting import Setting
 from rarms_iac.planner.verdicts import hardest
@@ -115,11 +115,16 @@ def with_result(
     if result.stopped:
         return (*results[:number], replace(before, is_interrupted=True), *results[number + 1 :])
     further = replace(
-        result, so_far=before.so_far, of_loads=before.of_loads, new=max(before.new, result.new), is_confirmed=True
+        result, so_far=before.so_far, of_loads=before.of_loads, new=_new(before, result), is_confirmed=True
     )
     if result.reserve != before.reserve:
         return (*results[:number], replace(further, is_confirmed=False))
     return (*results[:number], further, *results[number + 1 :])
+
+
+def _new(before: ExperimentResult, further: ExperimentResult) -> int:
+    """Return how many settings of a result were run now, some of them by the experiment that it goes on from."""
+    return max(before.new + len(further.settings) - len(before.settings), further.new)
 
 
 def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
@@ -157,10 +162,10 @@ def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:
         results: Of the same components, in the order in which loads were measured; at least one.
 
     Returns:
-        The first with the answer of the last; where the last has none, the last. Of sweeps that by which a plan
-            reserves most.
+        The first with the greatest answer, or the one without an answer. Of sweeps that by which a plan reserves most.
+            One that was stopped before it had an answer decides only where there is no other.
     """
-    last = results[-1]
-    if isinstance(last.conclusion, Swept):
-        return results[hardest([each.planned for each in results])]
-    return last if last.reserve is None else next(each for each in results if each.reserve == last.reserve)
+    known = [each for each in results if not isinstance(each.conclusion, Stopped) or each.planned is not None]
+    known = known or list(results)
+    amounts = [each.planned if isinstance(each.conclusion, Swept | Stopped) else each.reserve for each in known]
+    return known[hardest(amounts)]

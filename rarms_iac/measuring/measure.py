@@ -44,7 +44,14 @@ from rarms_iac.measuring.measure_request import (
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import weak_answer, work_of_settings
 from rarms_iac.measuring.partitions import host_resources
-from rarms_iac.measuring.passes import begin_with_decisive, first_pass, in_order_of, is_of, later_passes
+from rarms_iac.measuring.passes import (
+    begin_with_decisive,
+    first_pass,
+    in_order_of,
+    is_of,
+    later_passes,
+    with_first_pass,
+)
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.stopping import starting_again
@@ -269,16 +276,20 @@ def _measure_precisely(
     """Measure partition after partition by the request's method; add what is found."""
     units = Units(reporter=held.control.reporter.settings, of=sum(map(len, groups)))
     for loads in groups:
-        began = next((decisive(look).reserve for look in found.looks if is_of(look, loads)), None)
-        of_loads = measure_with_each_load(held, loads, method_of(request), began or 0, units.add)
-        stopped = any(each.stopped for each in of_loads)
+        look = next((look for look in found.looks if is_of(look, loads)), ())
+        began = (decisive(look).reserve if look else None) or 0
+        of_loads = measure_with_each_load(held, loads, method_of(request), began, units.add)
+        if stopped := any(each.stopped for each in of_loads):
+            of_loads = with_first_pass(of_loads, look)
         if not stopped and not isinstance(of_loads[-1].conclusion, SettingFailed):
             paths = [data_log_path(held.hosts, experiment) for experiment in loads]
             found.complete |= {path: held.remeasurements[path] for path in paths if path in held.remeasurements}
         if prompt is not None and not stopped:
             further = Further(session=replace(held, remeasurements={}), loads=loads, request=request)
             of_loads, found.ended = _ask(further, of_loads, prompt)
-        is_weak = decisive(of_loads).reserve is not None and refuses_weak_loads(request) and leave_idle(of_loads)
+        answer = decisive(of_loads)
+        is_final = answer.reserve is not None and not answer.is_provisional
+        is_weak = is_final and refuses_weak_loads(request) and leave_idle(of_loads)
         of_loads = tuple(replace(each, is_weak=is_weak) for each in of_loads)
         found.findings += _answer_findings(held.hosts, of_loads)
         found.results += of_loads

@@ -113,7 +113,7 @@ class ExperimentResult:
     of_loads: Internal[int] = 1  # with how many loads it was to be measured
     conditions: tuple[Condition, ...] = ()  # on which thresholds are met at the answer
     is_confirmed: Internal[bool] = False  # it was measured until no condition was left that more samples lift
-    is_interrupted: Internal[bool] = False  # it has its answer, and an end was asked for while that was confirmed
+    is_interrupted: Internal[bool] = False  # it has an answer, and an end was asked for while more was measured
     is_provisional: bool = False  # of the first pass: estimates without bounds, with one load
     is_weak: bool = False  # no answer: its loads left processors idle, and that was not wanted
     provisional_lp: Fraction | None = None  # what a plan reserves by the estimates of the first pass, with every load

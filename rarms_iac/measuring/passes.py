@@ -17,6 +17,7 @@ from rarms_iac.measuring.strategies import FirstPass
 from rarms_iac.measuring.units import Units, describe_processors
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import load_of_first_pass
+from rarms_iac.model.outcomes import Stopped
 from rarms_iac.planner.reservations import MeasuredReservations
 from rarms_iac.planner.verdicts import MeasuredTogether
 
@@ -109,6 +110,25 @@ def _doubt(look: ExperimentResult) -> float:
     if look.reserve is None:
         return inf
     return (look.reserve - (look.failed or 0)) / look.reserve if look.is_provisional else 0.0
+
+
+def with_first_pass(
+    results: Sequence[ExperimentResult], look: Sequence[ExperimentResult]
+) -> tuple[ExperimentResult, ...]:
+    """Return the results of a partition after an end was asked for: of each load the best answer so far.
+
+    Args:
+        results: of the later pass, the last one stopped; of one without an answer that of the first pass counts.
+        look: of the first pass; empty: there was none.
+    """
+    seen = {each.interference: each for each in look}
+    last = results[-1]
+    if not isinstance(last.conclusion, Stopped) or last.planned is not None or last.interference not in seen:
+        before = (*results,)
+    else:
+        before = (*results[:-1], replace(seen[last.interference], is_interrupted=True))
+    measured = {each.interference for each in results}
+    return (*before, *(each for each in look if each.interference not in measured))
 
 
 def is_of(look: Sequence[ExperimentResult], group: Sequence[Experiment]) -> bool:

@@ -125,6 +125,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
         OSError: The log cannot be written.
     """
     session, experiment, new = run.session, run.experiment, 0
+    run_now: set[ReservePercent] = set()
     known = run.log.seen if isinstance(run.method, FirstPass) else run.log.known
     reporter, times = session.control.reporter.settings, session.wall_times
     remeasurement = None if isinstance(run.method, FirstPass) else session.remeasurements.get(run.log.path)
@@ -144,7 +145,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 continue
             step = _next_step(run, decision, known.settings, new)
             if not isinstance(step, Measure):
-                return _result(run, step, known.settings, new)
+                return _result(run, step, known.settings, len(run_now))
             if site is None:
                 site = _prepared(run, seed)
                 announced = _announce(run)
@@ -153,11 +154,12 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             reporter.setting_started(experiment, step.reserve, remaining)
             setting = run_setting(site, step, known, begun_before(step.reserve, seen))
             if not isinstance(setting, Setting):
-                return _result(run, setting, known.settings, new)
+                return _result(run, setting, known.settings, len(run_now))
             seconds = times.clock() - began
             times.add(experiment, seconds)
             run.log.add(setting, tuple(each.shown_name for each in run.available.running))
             known, new = known.with_run(setting), new + 1
+            run_now.add(setting.reserve)
             remaining = times.remaining(experiment, run.count, new, running=0)
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             spent_ms = setting.host_ms if experiment.host.provider is ProviderKind.SIMULATED else 1000 * seconds

@@ -111,11 +111,16 @@ class _Answer:
 
 
 def _answer(by_load: Sequence[ExperimentResult]) -> _Answer:
-    """Judge the components of a partition. Where a plan reserves provisionally without an answer, that is said."""
+    """Judge the components of a partition. Where a plan provisionally reserves something else, that is said."""
     answer = _judged(by_load)
-    if answer.amount != "-" or answer.result.provisional_lp is None:
+    is_said = isinstance(answer.result.conclusion, Stopped)
+    if not is_said and (stopped := [each.interference for each in by_load if each.stopped]):
+        during = f"stopped during the measurement with {in_a_row(stopped)}"
+        answer = replace(answer, state="; ".join(filter(None, [answer.state, during])))
+    provisional = "-" if answer.result.provisional_lp is None else show_processors(answer.result.provisional_lp)
+    if provisional in {"-", answer.amount}:
         return answer
-    planned = f"a plan reserves {show_processors(answer.result.provisional_lp)}, provisional"
+    planned = f"a plan reserves {provisional}, provisional"
     return replace(answer, state="; ".join(filter(None, [answer.state, planned])))
 
 
@@ -158,7 +163,8 @@ def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
         case Swept():
             state = ""
         case Stopped():
-            return _Answer(result=result, state=_stopped(result), details=(loads,))
+            amount = "-" if result.planned is None else _amount(result, result.planned)
+            return _Answer(result=result, amount=amount, at=result.planned, state=_stopped(result), details=(loads,))
         case _:
             assert_never(result.conclusion)
     return _Answer(result=result, state="; ".join(filter(None, [state, _planned(result, None)])), details=(loads,))
@@ -312,9 +318,15 @@ def _ending(outcome: MeasureOutcome) -> Wording:
     if outcome.stopped and not number:
         return "Stopped before the first setting had ended."
     so_far = " so far" if outcome.stopped else ""
-    done = f"Measured: {components}, {counted(number, 'setting')}{so_far}, {new} of them new."
+    done = f"Measured: {components}, {counted(number, 'setting')}{so_far}{_earlier(number, number - new)}."
     following = _next(outcome)
     return done if following is None else prose(f"{done} Next: ", following)
+
+
+def _earlier(number: int, recorded: int) -> str:
+    """Say how many of these settings an earlier run measured; empty: none."""
+    how_many = "all" if recorded == number else recorded
+    return f", {how_many} of them by an earlier run" if recorded else ""
 
 
 def _next(outcome: MeasureOutcome) -> RecommendedCommand | None:

@@ -16,11 +16,14 @@ from rarms_iac.app.control import Control, NeverStop
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.cli.applying import write_and_advise
+from rarms_iac.measuring.each_load import decisive
 from rarms_iac.measuring.measure_request import MeasureRequest
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, load_of_first_pass
 from rarms_iac.model.operations import StartPartition
 from rarms_iac.model.plan import Plan
+from rarms_iac.views.console import render
+from rarms_iac.views.measure import summary_text
 from tests.builders import a_host
 from tests.measuring import the_log
 from tests.unit.cli.running import rarms
@@ -114,6 +117,13 @@ def test_stop_keeps_the_answers_so_far() -> None:
     planned = rarms_iac.plan(hosts)
 
     assert outcome.stopped
+    answers = {each[0].components: decisive(each) for each in outcome.partitions}
+    assert all(each.reserve is not None and each.is_provisional for each in answers.values())
+    assert [len(each) for each in outcome.partitions] == [2, 2], "a load that was not begun has its first look"
+    shown = render(summary_text(outcome), width=80)
+    assert "planner: stopped during the measurement with bursts-20; " in shown
+    assert [row.split()[-4:-1] for row in shown.splitlines() if row.split()[-1:] in (["busy-loop"], ["bursts-20"])]
+    assert " - " not in shown
     assert {name for each in outcome.experiments for name in each.components} == {"vision", "planner"}
     assert planned.provisional == ("planner", "vision")
 
@@ -233,6 +243,9 @@ def test_look_that_misses_ends_the_provisional_answer(here: Path) -> None:
     outcome = rarms_iac.measure(hosts, request, Control(stop=StopsAfterOneLook()))
     planned = rarms("plan")
 
+    shown = render(summary_text(outcome), width=80)
+    assert f"{float(decisive(outcome.experiments).reserved_lp or 0):g} LP  bursts-20" in shown
+    assert "vision: stopped during the measurement with busy-loop." in shown
     assert [result.reserve is None for result in outcome.experiments] == [False, True]
     assert outcome.totals["onboard"].reserved_lp == 0
     assert planned.code == 4

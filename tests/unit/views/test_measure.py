@@ -142,7 +142,7 @@ def test_a_search_that_was_stopped_promises_no_plan() -> None:
 
     assert "vision: stopped; 1.2 LP meets the threshold so far." in summary
     assert "a plan reserves" not in summary
-    assert "Measured: 1 component, 2 settings so far, 2 of them new." in summary
+    assert "Measured: 1 component, 2 settings so far." in summary
     assert "Next:" not in summary
     assert "vision: stopped; 1.2 LP is from an earlier run." in " ".join(text([replace(stopped, new=0)]).split())
 
