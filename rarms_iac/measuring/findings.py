@@ -67,6 +67,8 @@ MORE_MEMORY = "Raise `memory` of the component or of its partition, and try agai
 MeasuredExperiment: TypeAlias = tuple[Experiment, ReservePercent, Sequence[Setting]]
 """An experiment with its answer and its settings."""
 
+MINUTE_MS = 60_000
+
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed a finding lists."""
 
@@ -245,9 +247,8 @@ def _not_resolved(
         return
     highest = max(settings, key=lambda setting: setting.reserve, default=None)
     shown = [show_index(index) for index in measured_indexes(highest, experiment)] if highest else []
-    # NOTE: the highest setting of a search that may go on may be clear.
-    early = "" if end.more_settings or end.ends_at_until else _ended_early(highest, experiment)
     advice, numbers = _how_to_show(end, highest, experiment)
+    early = _ended_early(highest, experiment) if "needs_setting_ms" in numbers else ""
     yield NOT_RESOLVED.at(
         places.value("components", first, "apt"),
         "{experiment}: {_parts:;}.{_early}",
@@ -281,23 +282,33 @@ def _how_to_show(end: NotResolved, highest: Setting | None, experiment: Experime
     spent = show_duration(highest.host_ms)
     if end.samples is not None:
         takes_ms = highest.host_ms * end.samples / there
+        minutes = _more_minutes(1.5 * takes_ms, experiment)
+        each = f" with each of {len(experiment.loads)} loads" if len(experiment.loads) > 1 else ""
         advice = (
             f"{taken} took {spent}. The threshold needs about {end.samples} samples, {show_duration(takes_ms)} "
-            f"per setting. Allow more time: {_setting_budget(1.5 * takes_ms, experiment)}."
+            f"per setting{each}. Allow more time: {_setting_budget(minutes)}."
         )
-        return advice, {"samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
+        needs = {"needs_samples": end.samples, "takes_ms": takes_ms, "needs_setting_ms": minutes * MINUTE_MS}
+        return advice, {"samples": there, **needs}
     if there < MOST_SAMPLES:
+        minutes = _more_minutes(3 * highest.host_ms, experiment)
         advice = (
-            f"{taken} took {spent}. The necessary number is not known yet. Allow more time: "
-            f"{_setting_budget(3 * highest.host_ms, experiment)}."
+            f"{taken} took {spent}. The necessary number is not known yet. Allow more time: {_setting_budget(minutes)}."
         )
-        return advice, {"samples": there}
+        return advice, {"samples": there, "needs_setting_ms": minutes * MINUTE_MS}
     return move_away, {}
 
 
-def _setting_budget(time_ms: float, experiment: Experiment) -> str:
-    """Return the manifest's line that gives a setting so much time with each of the loads that share its budget."""
-    minutes = ceil(len(experiment.loads) * time_ms / 60_000)
+def _more_minutes(time_ms: float, experiment: Experiment) -> int:
+    """Return a budget with so much time under each of the loads that share it: at least twice the present one.
+
+    NOTE: a setting also ends early where the rest of its budget would not be enough. Less than now cannot help.
+    """
+    return ceil(max(len(experiment.loads) * time_ms, 2 * experiment.budget.most_ms) / MINUTE_MS)
+
+
+def _setting_budget(minutes: int) -> str:
+    """Return the manifest's line that gives a setting so much time."""
     return f"`policy: {{ measuring: {{ setting: {minutes} min }} }}`"
 
 
@@ -306,14 +317,15 @@ def _ended_early(setting: Setting | None, experiment: Experiment) -> str:
     if setting is None or setting.host_ms >= (budget_ms := experiment.budget.at(setting.reserve)):
         return ""
     took, may_take = show_duration(setting.host_ms), show_duration(budget_ms)
-    return f" The setting ended after {took} of at most {may_take}. More time would probably not help."
+    return f" The setting ended after {took}, because the rest of its {may_take} would probably not be enough."
 
 
 def _or_more_time(setting: Setting, experiment: Experiment) -> str:
     """Add the advice to raise the budget, if it ended a setting before its steady state could show."""
     if max(len(series.samples) for series in setting.series) >= LONG:
         return ""
-    return f", or measure longer: {_setting_budget(3 * experiment.budget.at(setting.reserve), experiment)}"
+    minutes = _more_minutes(3 * experiment.budget.at(setting.reserve), experiment)
+    return f", or measure longer: {_setting_budget(minutes)}"
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:

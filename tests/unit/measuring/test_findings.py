@@ -148,8 +148,22 @@ def test_unshown_threshold_says_needed_samples(samples: int | None, advice: str)
 
     assert found.code == "RARMS111"
     assert str(found.advice).startswith(advice)
-    assert ("`policy: { measuring: { setting: 1 min } }`" in str(found.advice)) is (samples != 50_000)
-    assert "The setting ended after 8 s of at most 10 min" in found.detail
+    more_time = samples != 50_000
+    assert ("`policy: { measuring: { setting: 20 min } }`" in str(found.advice)) is more_time, "10 min are allowed now"
+    assert ("ended after 8 s, because the rest of its 10 min would" in found.detail) is more_time
+
+
+def test_more_time_is_for_all_loads() -> None:
+    experiment = replace(EXPERIMENT, loads=(EXPERIMENT.load,) * 3)
+    settings = (a_setting(100, a_series("vision", [81.4, 86.4] * 50)),)
+    end = NotResolved(reason="inconclusive", samples=20_000)
+
+    [found] = findings_of(experiment, end, settings, first_line(""))
+
+    assert "28 min per setting with each of 3 loads. Allow more time: " in str(found.advice)
+    assert found.values["takes_ms"] == pytest.approx(200 * settings[0].host_ms)
+    assert found.values["needs_setting_ms"] == 126 * 60_000, "1.5 times as long, three times"
+    assert "`policy: { measuring: { setting: 126 min } }`" in str(found.advice)
 
 
 def test_samples_and_time_are_of_the_slowest_member() -> None:
