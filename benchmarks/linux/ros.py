@@ -7,6 +7,7 @@ is more than two points and more than 5 % from the sweep, or other programs used
 """
 
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -25,7 +26,6 @@ SECONDS = 15.0
 """So long a run of the sweep lasts: 60 images."""
 
 BUDGET = "policy: { measuring: { setting: 1 min } }\n"
-MASTER_PORT = 11521
 
 
 def main() -> int:
@@ -50,25 +50,18 @@ def main() -> int:
 
 
 def environment_of(robot: Path) -> dict[str, str]:
-    """Return the variables of the robot's nodes, as `scripts/demo-ros` sets them."""
-    cache = CHECKOUT / ".cache/ros-robot"
-    return {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "ROS_MASTER_URI": f"http://127.0.0.1:{MASTER_PORT}",
-        "ROS_IP": "127.0.0.1",
-        "ROS_HOME": str(robot / "ros"),
-        "ROS_PACKAGE_PATH": f"{cache}/plugins/usr/share:/usr/share",
-        "CMAKE_PREFIX_PATH": f"{cache}/plugins/usr",
-        "ROS_ROBOT_PICTURE": f"{cache}/picture.png",
-    }
+    """Return the variables of the robot's nodes, as `scripts/make-ros-robot` wrote them."""
+    lines = shlex.split((robot / "robot.env").read_text(encoding="utf-8"))
+    own = dict(line.split("=", 1) for line in lines)
+    return {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", **own}
 
 
 @contextmanager
 def camera(robot: Path, environment: Mapping[str, str]) -> Iterator[None]:
     """Have the ROS master and the camera running, outside of all groups."""
     with (robot / "roslaunch.log").open("w", encoding="utf-8") as log:
-        words = ("roslaunch", "-p", str(MASTER_PORT), str(robot / "robot.launch"))
+        port = environment["ROS_MASTER_URI"].rpartition(":")[2]
+        words = ("roslaunch", "-p", port, str(robot / "robot.launch"))
         launched = subprocess.Popen(words, env=dict(environment), stdout=log, stderr=log)
         try:
             wait_for_images(environment)
