@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 from typing import Literal, NoReturn
 
 from rarms_iac.app.control import UNATTENDED, Control
@@ -172,6 +173,13 @@ class SampleReporter:
             number: which of its samples this is, from 1.
         """
 
+    def waits(self, component: str, missing: str) -> None:
+        """Take note that a component has no sample after some seconds.
+
+        Args:
+            missing: which messages do not come.
+        """
+
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Take note that a component ended.
 
@@ -319,15 +327,23 @@ def _run_group(
         ComponentRun(component.name, run, StartContext(base=base, inside=places[component.name]))
         for component, run in group
     ]
+    one_at_a_time = Lock()
+
+    def say(component: str, missing: str) -> None:
+        with one_at_a_time:
+            reporter.waits(component, missing)
+
     for run in runs:
         run.call_before_end(lambda: looked.look([run.place for run in runs]))
+        run.call_while_waiting(partial(say, run.component))
     numbers = {run.component: 0 for run in runs}
     with _looking(looked, runs), run_in_parallel(runs) as samples:
         for name, sample in samples:
             numbers[name] += 1
             if load is not None:
                 load.check()
-            reporter.sample(name, numbers[name], sample)
+            with one_at_a_time:
+                reporter.sample(name, numbers[name], sample)
     elapsed_ms = 1000 * (time.perf_counter() - began)
     evidence = SettingEvidence(
         elapsed_ms=elapsed_ms,

@@ -127,6 +127,10 @@ class ComponentRun:
         """Have this called when no more samples come, while its processes are still there."""
         self._before_end = look
 
+    def call_while_waiting(self, say: Callable[[str], None]) -> None:
+        """Have this called, by the thread that reads the samples, with the messages that do not come."""
+        self._record.waits = say
+
     @property
     def ending(self) -> SamplingEnd:
         """Why no more samples come."""

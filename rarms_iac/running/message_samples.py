@@ -24,7 +24,7 @@ from rarms_iac.running.message_pairs import MessageJob, MessagePairs
 from rarms_iac.running.orders import CannotStart, ProcessOrder, StartOrder
 from rarms_iac.running.samples import SampleRecord, SampleSource, SamplingEnd
 from rarms_iac.running.supervisor import Supervisor
-from rarms_iac.texts.messages import counted
+from rarms_iac.texts.messages import counted, in_a_row
 from rarms_iac.texts.quantities import show_milliseconds
 
 SUBSCRIBER = Path(__file__).resolve().with_name("message_subscriber.py")
@@ -32,6 +32,8 @@ START_S = 60.0
 """The least time in which a component's first output must come: nodes load models, and find each other."""
 MASTER_S = 10.0
 """How long the master of ROS 1 is waited for before the component starts."""
+WAITING_S = 5.0
+"""How long the first sample is waited for before the user hears why none comes."""
 LOOK_S = 0.05
 """How often the component's own process is looked at."""
 SLACK_S = 0.25
@@ -132,7 +134,8 @@ class _MessageReader:
         self._delays: list[float] = []
         self._ahead: list[float] = []
         self._simulated = False
-        self._waits_for = ""
+        self._unpublished: tuple[str, ...] = ()
+        self._said = ""  # last, of what is waited for
         self._no_master = ""
         self._silent_since = time.perf_counter()  # when the last input came, or before the first output the start
         self._is_stopping = False
@@ -181,7 +184,14 @@ class _MessageReader:
         self._listen()
         now = time.perf_counter()
         jobs = [self._of_job(job) for job in self._pairs.jobs(now - SLACK_S)]
+        if not self._pairs.has_begun and now >= self._silent_since + WAITING_S:
+            self._say(self._what_is_missing())
         return [*jobs, *self._of_process(now)]
+
+    def _say(self, missing: str) -> None:
+        if missing != self._said:
+            self._said = missing
+            self._record.waits(missing)
 
     def _take(self, line: OutputLine) -> None:
         message: Mapping[str, Any] = json.loads(line.text)
@@ -198,11 +208,11 @@ class _MessageReader:
             case {"delay_ms": float(delay_ms)}:
                 self._delays = [*self._delays[-LATEST:], delay_ms]
             case {"simulated": bool(simulated)}:
-                self._simulated, self._waits_for, self._no_master = simulated, "", ""
+                self._simulated, self._no_master = simulated, ""
             case {"no_master": str(uri)}:
                 self._no_master = uri
-            case {"waits_for": str(waits_for)}:
-                self._waits_for = waits_for
+            case {"unpublished": [*topics]}:
+                self._unpublished, self._no_master = tuple(map(str, topics)), ""
             case {"cannot": str(reason)}:
                 raise CannotStart(self._supervisor.name, reason, "Name topics whose messages begin with a `header`.")
             case _:
@@ -232,18 +242,37 @@ class _MessageReader:
         self._supervisor.stop()
         return [(self._record.failure(self._silent_since, self._why_silent(patience)), now)]
 
+    def _what_is_missing(self) -> str:
+        """Say which messages do not come, without numbers that change."""
+        samples, pairs = self._record.run.samples, self._pairs
+        if unpublished := self._without_publisher():
+            return unpublished
+        for topic, number in ((samples.input, pairs.inputs), (samples.output, pairs.outputs)):
+            if not number:
+                return f"{topic} has a publisher, but no message came"
+        if pairs.unstamped >= min(pairs.inputs, pairs.outputs):
+            return f"the messages of {samples.input} or {samples.output} have the stamp 0"
+        timeout = show_milliseconds(self._record.run.timeout)
+        return f"no message of {samples.output} has the stamp of a message of {samples.input} of the last {timeout}"
+
+    def _without_publisher(self) -> str:
+        """Say which topics without a message have no publisher; empty: none."""
+        samples, pairs = self._record.run.samples, self._pairs
+        numbers = {samples.input: pairs.inputs, samples.output: pairs.outputs}
+        topics = [topic for topic in self._unpublished if not numbers.get(topic)]
+        return f"{in_a_row(topics)} {'has' if len(topics) == 1 else 'have'} no publisher" if topics else ""
+
     def _why_silent(self, patience: float) -> str:
         """Say what came instead of the output to an input."""
         samples, pairs = self._record.run.samples, self._pairs
         within = f"within {patience:g} s"
         inputs = f"{counted(pairs.inputs, 'message')} of {samples.input}"
         outputs = f"{counted(pairs.outputs, 'message')} of {samples.output}"
-        if self._waits_for:
-            return f"{self._waits_for} does not exist {within}"
+        why = f"; {unpublished}" if (unpublished := self._without_publisher()) else ""
         if not pairs.inputs or pairs.has_begun:
-            return f"no message of {samples.input} came {within}"
+            return f"no message of {samples.input} came {within}{why}"
         if not pairs.outputs:
-            return f"no message of {samples.output} came {within}, but {inputs}"
+            return f"no message of {samples.output} came {within}, but {inputs}{why}"
         if pairs.unstamped >= min(pairs.inputs, pairs.outputs):
             return f"{pairs.unstamped} of {inputs} and {outputs} have the stamp 0"
         timeout = show_milliseconds(self._record.run.timeout)

@@ -10,7 +10,8 @@ Standard output has a JSON object a line, of one write:
   `time.perf_counter`, which all processes of Linux share, and `ahead_ms` is the stamp less this machine's clock.
 - `{"delay_ms": 0.3}`: how long a message that it publishes to itself takes. `{"simulated": true}`: `use_sim_time`.
 - `{"no_master": "http://..."}`: ROS 1 has no master there yet.
-- `{"waits_for": "..."}`: what is not there yet. `{"cannot": "..."}`: why no message can be used; it then ends.
+- `{"unpublished": ["/faces"]}`: the topics without a publisher, each second until both topics had a message.
+- `{"cannot": "..."}`: why no message can be used; it then ends.
 
 It ends on SIGTERM, and when nobody reads its output. It then unregisters at the master of ROS 1, which would otherwise
 call it at its old port for ever, where another node may listen by then.
@@ -26,15 +27,20 @@ import socket
 import struct
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 PROBE_S = 0.1
 """How often it measures its own delay."""
 WAIT_S = 0.2
+LOOK_S = 1.0
+"""How often it looks for publishers, until both topics had a message: a measurement is not disturbed by it."""
 HEADERS = ("Header", "std_msgs/Header", "std_msgs/msg/Header")
 QUEUE = 1000
 ENDED: list[str] = []
 """Why it is to end. No lock: a signal handler may run while one is held."""
+HEARD: set[str] = set()
+"""The roles of the topics that had a message."""
 _FIELD = re.compile(r"^\s*([\w/\[\]<>=]+)\s+\w+\s*(#.*)?$")
 
 
@@ -61,11 +67,27 @@ def give_up(reason: str) -> None:
 
 def send_message(role: str, stamp: int, at: float) -> None:
     """Send that a message came; the role `delay` is that of this program's own ones."""
+    HEARD.add(role)
     ahead_ms = (stamp - time.time_ns()) / 1e6 + 1000 * (time.perf_counter() - at)
     if role == "delay":
         send(delay_ms=max(0.0, -ahead_ms))
     else:
         send(topic=role, stamp=stamp, at=at, ahead_ms=ahead_ms)
+
+
+def look_for_publishers(topics: dict[str, str], next_look: float, published: Callable[[], set[str]]) -> float:
+    """Send which topics have no publisher, if it is time and one had no message yet; return when it is time again.
+
+    `published` returns the topics with a publisher; OSError: the master does not answer now.
+    """
+    if time.perf_counter() < next_look or set(topics) <= HEARD:
+        return next_look
+    try:
+        there = published()
+    except OSError:
+        return time.perf_counter() + LOOK_S
+    send(unpublished=[topic for role, topic in topics.items() if role not in HEARD and topic not in there])
+    return time.perf_counter() + LOOK_S
 
 
 def first_field(definition: str) -> str:
@@ -116,8 +138,15 @@ def subscribe_1(topics: dict[str, str]) -> None:
     probe = rospy.Publisher(rospy.get_name() + "/delay", Header, queue_size=1, tcp_nodelay=True)
     for role, topic in {**topics, "delay": rospy.get_name() + "/delay"}.items():
         listen(role, topic)
+
+    def published() -> set[str]:
+        names = {entry for entry, nodes in rospy.get_master().getSystemState()[2][0] if nodes}
+        return {topic for topic in topics.values() if rospy.resolve_name(topic) in names}
+
+    next_look = 0.0
     while not ENDED:
         time.sleep(PROBE_S)
+        next_look = look_for_publishers(topics, next_look, published)
         now = time.time_ns()
         probe.publish(Header(stamp=rospy.Time(now // 10**9, now % 10**9)))
     leave_master(rospy.get_master(), rospy.get_name(), rospy.get_node_uri())
@@ -184,7 +213,11 @@ def subscribe_2(topics: dict[str, str]) -> None:
     probe = node.create_publisher(header_class, name + "/delay", quality)
     listen("delay", name + "/delay", "std_msgs/msg/Header")
     unknown = dict(topics)
-    next_probe = next_search = 0.0
+    next_probe = next_search = next_look = 0.0
+
+    def published() -> set[str]:
+        return {topic for topic in topics.values() if node.count_publishers(topic)}
+
     while rclpy.ok() and not ENDED:
         now = time.perf_counter()
         if unknown and now >= next_search:
@@ -194,10 +227,9 @@ def subscribe_2(topics: dict[str, str]) -> None:
                 if topic in kinds:
                     listen(role, topic, kinds[topic][0])
                     del unknown[role]
-            if unknown:
-                send(waits_for="a publisher of " + " and of ".join(unknown.values()))
-            else:
+            if not unknown:
                 send(simulated=node.count_publishers("/clock") > 0)
+        next_look = look_for_publishers(topics, next_look, published)
         if now >= next_probe:
             next_probe = now + PROBE_S
             seconds, nanoseconds = divmod(time.time_ns(), 10**9)

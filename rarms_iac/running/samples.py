@@ -57,6 +57,7 @@ class SampleRecord:
         self.failed = 0
         self.skipped = SkippedLines()
         self.heard: Callable[[], HeardMessages] | None = None  # None: the samples do not come from messages
+        self.waits: Callable[[str], None] = lambda _missing: None  # hears which messages do not come
         self.ending = SamplingEnd.RUNNING
         self._begun: float | None = None
         self._last: float | None = None

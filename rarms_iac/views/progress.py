@@ -328,6 +328,10 @@ class FailureReporter(SampleReporter):
         """Say it with the samples."""
         self._screen.tell(message)
 
+    def waits(self, component: str, missing: str) -> None:
+        """Say it at once."""
+        self._screen.tell(f"{component} has no sample yet: {missing}.")
+
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Show the last lines."""
         is_failing = result.failed or not any(sample.successful for sample in result.series.samples)

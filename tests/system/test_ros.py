@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -13,6 +14,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -20,6 +22,7 @@ from rarms_iac.model.run import Run, Samples
 from rarms_iac.model.series import HeardMessages, Sample
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.orders import CannotStart, StartContext
+from rarms_iac.views.progress import LiveSampleReporter
 from tests.needs import CHECKOUT, SYSTEM_PYTHON
 from tests.unit.running.programs import a_run, responses
 
@@ -175,7 +178,52 @@ def test_wrong_topic_is_named(ros: dict[str, str], tmp_path: Path, monkeypatch: 
 
     samples, _ = heard(replace(detector(replace(MESSAGES, output="/face")), failures=0), tmp_path, ros)
 
-    assert samples[0].failure.startswith("no message of /face came within 8 s, but ")
+    assert re.fullmatch(
+        "no message of /face came within 8 s, but [0-9]+ messages of /camera; /face has no publisher",
+        samples[0].failure,
+    )
+
+
+@ros_1
+@pytest.mark.parametrize(
+    ("changed", "missing"),
+    [
+        ({"output": "/face"}, "/face has no publisher"),
+        ({"input": "/other", "output": "/face"}, "/other and /face have no publisher"),
+        ({"output": "/camera_2"}, "no message of /camera_2 has the stamp of a message of /camera of the last 0.3 s"),
+    ],
+    ids=["output", "both", "stamp"],
+)
+def test_run_says_within_seconds_what_it_waits_for(
+    ros: dict[str, str], tmp_path: Path, changed: dict[str, str], missing: str
+) -> None:
+    said: list[tuple[float, str]] = []
+    run, began = detector(replace(MESSAGES, **changed)), time.monotonic()  # type: ignore[arg-type]
+    words = [SYSTEM_PYTHON, "-c", CAMERA, "/camera:=/camera_2", "__name:=second"]
+    with (
+        subprocess.Popen(words, env=ros, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as second,
+        ComponentRun("detector", run, StartContext(base=tmp_path, environment=ros)) as running,
+    ):
+
+        def hear(text: str) -> None:
+            said.append((time.monotonic() - began, text))
+            running.interrupt()
+
+        running.call_while_waiting(hear)
+        assert list(running) == []
+        second.terminate()
+
+    ((after, text),) = said
+    assert text == missing
+    assert after < 15
+
+
+def test_terminal_says_what_a_component_waits_for(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = SimpleNamespace(tell=print)
+
+    LiveSampleReporter(screen).waits("detector", "/face has no publisher")
+
+    assert capsys.readouterr().out == "detector has no sample yet: /face has no publisher.\n"
 
 
 def test_no_ros_is_a_reason_not_to_start(tmp_path: Path) -> None:
