@@ -255,7 +255,7 @@ def a_rich_plan() -> Plan:
             changes=[smaller, wider, create(partition(settings("planning", processors=1, reserve=30))), gone],
             steps=[
                 step(),
-                step(gone.address, title="remove the machine", undo=UndoLevel.NONE, lost="it is not made again"),
+                step(gone.address, title="remove it", undo=UndoLevel.NONE, lost="it is not made again"),
             ],
             held_back=[held(update(partition(settings("video")), partition(settings("video", generation=1))))],
             unused=["former"],

@@ -339,7 +339,7 @@ class _Case:
         amounts: list[tuple[str, Fraction]] = [
             (other.name, other.reserved) for other in here if other.name != partition.name
         ]
-        amounts += [("unmanaged machines", totals.unmanaged_lp), ("kept for the host", totals.kept_lp)]
+        amounts += [("unmanaged partitions", totals.unmanaged_lp), ("kept for the host", totals.kept_lp)]
         for name, amount in amounts:
             if amount:
                 yield ExplainedValue(f"{name} on {host.name}", show_processors(amount))
@@ -385,7 +385,7 @@ class _Case:
         if self.bound or self.layout is None:
             why = self.bound or "no layout exists to compare with"
         elif not fits(seen.capacity, (*seen.claims, *(other.claim for other in (*neighbours, there)))):
-            names = [*(other.name for other in neighbours), *(["unmanaged machines"] if seen.claims else [])]
+            names = [*(other.name for other in neighbours), *(["unmanaged partitions"] if seen.claims else [])]
             why = f"no room together with {in_a_row(names)}" if names else "no room"
         elif there.reserved > here.reserved:
             why = f"it needs less on {here.host}"

@@ -11,6 +11,7 @@ from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.claims import Claim, Load, load_of
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Partition, RunState
@@ -163,7 +164,7 @@ class _Walk:
             "the least critical"
         )
         stop_and_start = stop_and_restart(
-            self.queue[at], why, grace_ms(self.context.graces, partition), forces=self.context.forces
+            self.queue[at], why, grace_ms(self.context.graces, partition), self.context.seen.facts.provider
         )
         self._do(stop_and_start.stop)
         self.queue[at] = list(stop_and_start.between)
@@ -238,13 +239,13 @@ class StopAndRestart:
     start: Step | None
 
 
-def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces: bool) -> StopAndRestart:
+def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, provider: ProviderKind) -> StopAndRestart:
     """Put a stop before the remaining steps of a running partition, so that they claim nothing while they are done.
 
     Args:
         remaining: at least one step, all of one partition.
-        grace: milliseconds that its guest may take to shut down.
-        forces: whether its host can force it to.
+        grace: milliseconds that it has to end.
+        provider: of its host.
 
     Returns:
         The stop, the steps with no claim on the host while they are done, and the start that takes their claim; no
@@ -256,7 +257,7 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces:
     start_it = StartPartition(partition=address.partition, machine=address.machine)
     stop = Step(
         address=address,
-        title=f"stop it, to make room ({describe_stop(grace, forces=forces)})",
+        title=f"stop it, to make room ({describe_stop(grace, provider)})",
         operation=stop_it,
         before={"exists": True, "running": True, "state": RunState.RUNNING.value},
         after={"exists": True, "running": False, "state": RunState.OFF.value},

@@ -69,19 +69,19 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
         now=pending,
         reason=reason,
         grace_ms=grace,
-        forces=context.forces,
+        provider=context.seen.facts.provider,
         new=True,
     )
     name = address.partition
     assert after.mark is not None, "every created machine has a mark"
-    yield mark_step(builder, after.mark, "rarms recognises the machine by this mark, also after a crash")
+    yield mark_step(builder, after.mark, "rarms recognises the partition by this mark, also after a crash")
     for facet, row in FACETS.items():
         if not row.in_creation:
             yield facet_step(builder, facet, wanted, wanted)
     yield builder.step(
         RenamePartition(partition=name, name=wanted.name),
         ("name",),
-        "last, so that a machine with this name is always complete",
+        "last, so that a partition with this name is always complete",
     )
     if wanted.running:
         back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
@@ -146,7 +146,9 @@ def update_partition(
         yield from create_partition(replace(address, machine=""), after, reason, context)
         return
     grace = grace_ms(context.graces, address.partition)
-    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace, forces=context.forces)
+    builder = StepBuilder(
+        address=address, now=before, reason=reason, grace_ms=grace, provider=context.seen.facts.provider
+    )
     off = needs_off(before, after.settings, context)
     # First, and alone: order.py takes this step out and does all renames of marks before anything else.
     yield from rename_mark(builder.address, before, reason)
@@ -154,7 +156,7 @@ def update_partition(
     if before.settings.running and (off or not after.settings.running):
         yield stop_step(builder, "it must be off for the next steps" if after.settings.running else "it must not run")
     if before.state is RunState.SAVED and after.settings.running:
-        yield start_step(builder, "a saved machine can be changed only after a start")
+        yield start_step(builder, "a saved partition can be changed only after a start")
     changed = changed_facets(before.settings, after.settings)
     for facet in sorted(changed, key=lambda facet: _takes_more(facet, before, after)):
         yield facet_step(builder, facet, before.settings, after.settings)
@@ -205,15 +207,17 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         The stop where it is needed, the removal, and a step for each disk that goes too.
     """
     grace = grace_ms(context.graces, address.partition)
-    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace, forces=context.forces)
+    builder = StepBuilder(
+        address=address, now=before, reason=reason, grace_ms=grace, provider=context.seen.facts.provider
+    )
     if before.state in {RunState.RUNNING, RunState.PAUSED}:
-        yield stop_step(builder, f"a {before.state.value} machine cannot be removed")
+        yield stop_step(builder, f"a {before.state.value} partition cannot be removed")
     going = context.disks.get(before.id, ())
     attached = context.attached.get(before.id, 0)
     others = ", keep its other disks" if going else ", keep its disks" if attached else ""
     operation = RemovePartition(partition=address.partition, machine=address.machine)
     is_lost = before.id not in context.restorable
-    lost = "the machine cannot be created again" + ("; its disks are still there" if attached and not going else "")
+    lost = "the partition cannot be created again" + ("; its disks are still there" if attached and not going else "")
     again = RestorePartition(
         partition=address.partition,
         machine=before.id,

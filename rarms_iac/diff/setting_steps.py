@@ -8,6 +8,7 @@ from rarms_iac.diff.readings import partition_readings
 from rarms_iac.diff.step_context import claim_of
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.facets import FACETS, Facet, FacetRow, Readings, differing, setting_values, settings_of
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.operation_effects import applied, mark_operation, partition_after, reverse
 from rarms_iac.model.operations import MachineOperation, RenamePartition, Set, StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
@@ -18,7 +19,7 @@ from rarms_iac.texts.quantities import show_duration
 
 STARTS_AGAIN = "it restarts: data in memory is lost"
 _NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused, and is not paused again")
-_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it is removed with the machine")
+_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it is removed with the partition")
 _EXISTS: Readings = {"exists": True}
 
 
@@ -30,7 +31,7 @@ class StepBuilder:
     now: Partition
     reason: Reason
     grace_ms: int = ceil(GRACE)  # for its guest to shut down
-    forces: bool = True  # the host can force the guest to, before it turns the machine off
+    provider: ProviderKind = ProviderKind.HYPERV  # of its host
     new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
 
     def step(self, operation: MachineOperation, names: tuple[str, ...], why: str, *, title: str = "") -> Step:
@@ -167,7 +168,7 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
         StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
         ("running", "state"),
         why,
-        title=f"stop it ({describe_stop(builder.grace_ms, forces=builder.forces)})" if was_running else "turn it off",
+        title=f"stop it ({describe_stop(builder.grace_ms, builder.provider)})" if was_running else "turn it off",
     )
     undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_AGAIN) if was_running else _NOT_PAUSED_AGAIN
     return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)

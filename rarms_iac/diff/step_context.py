@@ -8,7 +8,6 @@ from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Making
 from rarms_iac.model.names import renaming
 from rarms_iac.model.quantities import Milliseconds
@@ -34,11 +33,6 @@ class StepContext:
     max_disruption: Disruption = Disruption.HOST_RESTART
     starting: Mapping[str, Starting] = field(default_factory=dict)  # by partition that reserves more while it starts
     remaining: Mapping[str, str] = field(default_factory=dict)  # by partition: why it is not made here
-
-    @property
-    def forces(self) -> bool:
-        """Whether the host can force a guest to shut down that was asked to."""
-        return self.seen.facts.provider is not ProviderKind.LINUX
 
     def fits(self, claims: Iterable[Claim]) -> bool:
         """Tell whether these claims of managed partitions fit the host together with the foreign ones.

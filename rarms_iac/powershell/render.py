@@ -171,7 +171,7 @@ def _steps_back(target: _Target) -> list[_GuardedPiece]:
             continue
         title = reversal_title(step, changes)
         if isinstance(step.undo.operation, StopPartition):
-            title += f" ({describe_stop(step.undo.operation.grace_ms, forces=True)})"
+            title += f" ({describe_stop(step.undo.operation.grace_ms, ProviderKind.HYPERV)})"
         reversed_step = step.reversed(title)
         if isinstance(step.operation, CreatePartition):
             pieces = creation_undo_pieces(reversed_step, step.operation, target.files)

@@ -315,7 +315,7 @@ def _host_on_page(host: HostOverview, remark: str) -> HostOnPage:
         )
     own = sorted(host.partitions, key=lambda partition: natural_order(partition.name))
     amounts = [("used", partition.reserved_lp, partition.name) for partition in own]
-    amounts += [("foreign", totals.unmanaged_lp, "unmanaged machines")]
+    amounts += [("foreign", totals.unmanaged_lp, "unmanaged partitions")]
     unpromised = ("kept", totals.kept_lp, "kept for the host")
     table = partitions_table(host)
     return HostOnPage(

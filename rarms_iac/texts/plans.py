@@ -7,6 +7,7 @@ from typing import assert_never
 
 from rarms_iac.model.changes import Address, Change, Update
 from rarms_iac.model.facets import LABELS, NO_LIMIT
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
@@ -117,7 +118,7 @@ def operation_text(operation: Operation) -> str:
             made = "control group" if generation == NO_GENERATION else f"machine of generation {generation}"
             return f"make a {made} with {write_bytes(memory)}"
         case RemovePartition():
-            return "remove the machine"
+            return "remove it"
         case RestorePartition():
             return "create it again with its earlier settings"
         case RemoveDisk(path=path):
@@ -152,17 +153,18 @@ def _task_text(operation: TaskOperation) -> str:
             assert_never(operation)
 
 
-def describe_stop(grace: int, *, forces: bool) -> str:
-    """Describe how a guest is stopped, with the times in seconds after it was asked.
+def describe_stop(grace: int, provider: ProviderKind) -> str:
+    """Describe how a partition is stopped, with the times in seconds after it was asked.
 
     Args:
-        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
-        forces: whether its host can force it to shut down.
+        grace: milliseconds that it has to shut down, or to end its processes; 0: it is stopped without being asked.
+        provider: of its host; Linux cannot force a shutdown.
     """
+    if provider is ProviderKind.LINUX:
+        return f"its processes have {_seconds(grace)} s to end" if grace else "its processes are killed"
     if not grace:
         return "turned off without a shutdown"
-    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
-    return f"shut down, {forced}turned off after {_seconds(grace)} s"
+    return f"shut down, after {_seconds(forced_after_ms(grace))} s forced, turned off after {_seconds(grace)} s"
 
 
 def _seconds(milliseconds: int) -> str:

@@ -69,7 +69,7 @@ def _rows(examined: SeenHost, application: str) -> Iterator[tuple[str, str]]:
     free = "" if available is None else f", {show_bytes(available)} left for machines"
     yield "memory", show_bytes(facts.memory) + free
     yield "rights", facts.rights.value
-    yield "machines", _machines(examined, application)
+    yield "partitions", _partitions(examined, application)
 
 
 def _processors(facts: HostFacts, condition: Condition) -> str:
@@ -80,7 +80,7 @@ def _processors(facts: HostFacts, condition: Condition) -> str:
     return ", ".join(parts)
 
 
-def _machines(examined: SeenHost, application: str) -> str:
+def _partitions(examined: SeenHost, application: str) -> str:
     if not examined.machines:
         return "none seen"
     return f"{examined.machines}: {examined.managed} of {application}, {examined.running} running"

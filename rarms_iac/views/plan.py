@@ -145,7 +145,7 @@ def _describe_memory(totals: HostTotals) -> str:
     """Write as `1 GiB of 4 GiB reserved, 1 GiB kept for the host, 2 GiB free`."""
     others, kept = totals.promised.others_memory, totals.kept_memory
     parts = [f"{show_bytes(totals.promised.memory)} of {show_bytes(totals.memory)} reserved"]
-    parts += [f"{show_bytes(others)} by unmanaged machines"] if others else []
+    parts += [f"{show_bytes(others)} by unmanaged partitions"] if others else []
     parts += [f"{show_bytes(kept)} kept for the host"] if kept else []
     return ", ".join([*parts, f"{show_bytes(totals.free_memory)} free"])
 
@@ -335,11 +335,14 @@ def disruption_of(change: Change, part: HostPlan) -> str:
     stop = next((operation for operation in operations if isinstance(operation, StopPartition)), None)
     if stop is None:
         return note or _left_stopped(change)
-    grace = f"{show_milliseconds(stop.grace_ms)} to shut down" if stop.grace_ms else ""
+    is_linux = part.facts.provider is ProviderKind.LINUX
+    at_once = "its processes are killed" if is_linux else "turned off without a shutdown"
+    to_end = "to end its processes" if is_linux else "to shut down"
+    grace = f"{show_milliseconds(stop.grace_ms)} {to_end}" if stop.grace_ms else ""
     if not isinstance(change, Update):
-        return f"{note}; {f'up to {grace}' if grace else 'turned off without a shutdown'}"
+        return f"{note}; {f'up to {grace}' if grace else at_once}"
     starts = any(isinstance(operation, StartPartition) for operation in operations)
-    duration = f"{'stopped for ' if starts else ''}up to {grace}" if grace else "turned off without a shutdown"
+    duration = f"{'stopped for ' if starts else ''}up to {grace}" if grace else at_once
     made_again = "made again; " if change.action == "replace" else ""
     return f"{made_again}{duration}{', then for its start' if starts else ''}"
 

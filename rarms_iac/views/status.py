@@ -109,12 +109,12 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
 def describe_other_claims(unmanaged_lp: Fraction, kept_lp: Fraction) -> list[str]:
     """Return the capacity that is neither reserved by the application nor free.
 
-    Examples are `0.3 LP by unmanaged machines` and `0.2 LP kept for the host`.
+    Examples are `0.3 LP by unmanaged partitions` and `0.2 LP kept for the host`.
 
     Args:
         unmanaged_lp: LPs that machines of others reserve; what is 0 is left out.
     """
-    amounts = ((unmanaged_lp, "by unmanaged machines"), (kept_lp, "kept for the host"))
+    amounts = ((unmanaged_lp, "by unmanaged partitions"), (kept_lp, "kept for the host"))
     return [f"{show_processors(amount)} {purpose}" for amount, purpose in amounts if amount]
 
 

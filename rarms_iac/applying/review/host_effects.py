@@ -30,7 +30,7 @@ from rarms_iac.texts.quantities import show_amount, show_bytes, show_processors
 NO_MEMORY_LEFT = Finding.error("RARMS403", "The memory does not fit the host")
 
 
-UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "An unmanaged machine gets less processor time")
+UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "An unmanaged partition gets less processor time")
 
 SMT_COSTS = Finding.note("RARMS231", "SMT leaves logical processors idle")
 
@@ -225,7 +225,7 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
         yield UNMANAGED_GETS_LESS.of_host(
             desired.host,
             (
-                "{application} does not manage these machines on {host}. They get less processor time under full "
+                "{application} does not manage these partitions on {host}. They get less processor time under full "
                 "load: {_join}."
             ),
             prose(

@@ -1,10 +1,10 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5773a8dd7937 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 13d0c1df7761 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     1 machine added, 0 changed, 0 stopped, 0 removed; 0 disks deleted.
     machine  processors  reserve                weight  memory  disk                                                                  switch  secure boot  start
-    vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-5773a8dd7937.vhdx from D:\images\base.vhdx  lab     default      start
+    vision   2           1.6 LP (80 % of each)  100     1 GiB   D:\machines\vision\vision-13d0c1df7761.vhdx from D:\images\base.vhdx  lab     default      start
     Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Add-Folder 1, Add-VMHardDiskDrive 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     Not undone: vision: all data on the disk created from D:\images\base.vhdx is lost
@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo 6436c81afefd5c3878afd7249e260b6f5cddef7d30fa3b366e0c56c40155f7b2, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest e5e0c9ba7c07, rarms 0.1.0. SHA-256: the undo fad70626a2bf3f55df232735166b71dce190b071a31ebfe1a3c6c93c92850693, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '5773a8dd7937'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '6436c81afefd5c3878afd7249e260b6f5cddef7d30fa3b366e0c56c40155f7b2'
+        Run = 'apply'; Purpose = 'apply'; Plan = '13d0c1df7761'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'fad70626a2bf3f55df232735166b71dce190b071a31ebfe1a3c6c93c92850693'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -49,14 +49,14 @@ $plan = {
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
     } -Set {
-        Hyper-V\New-VM -Name 'vision.rarms-5773a8dd7937' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+        Hyper-V\New-VM -Name 'vision.rarms-13d0c1df7761' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -Parent 'D:\images\base.vhdx' }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-13d0c1df7761.vhdx' -Parent 'D:\images\base.vhdx' }
     Add-Step -Action 'create a disk that is a child of D:\images\base.vhdx' -Before @{ exists = $false } -After @{
         child = $true; exists = $true
     } -Set {
         Add-Folder -Path 'D:\machines\vision'
-        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
+        Hyper-V\New-VHD -Path 'D:\machines\vision\vision-13d0c1df7761.vhdx' -ParentPath 'D:\images\base.vhdx' -Differencing
     }
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
@@ -64,10 +64,10 @@ $plan = {
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
-        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
+        if (Test-Open -Name 'disks') { Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path 'D:\machines\vision\vision-13d0c1df7761.vhdx' }
         if (Test-Open -Name 'dynamic_memory', 'memory') { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
         if (Test-Open -Name 'boots_from') { Hyper-V\Set-VMFirmware -VM $script:Vm -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm) }
-        Move-NewPartition -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision'
+        Move-NewPartition -From 'D:\machines\vision.rarms-13d0c1df7761' -To 'D:\machines\vision'
         if (Test-Open -Name 'mark', 'set') { Write-Mark }
         if (Test-Open -Name 'processors', 'reserve', 'limit', 'weight') { Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100 }
         if (Test-Open -Name 'start_action', 'stop_action', 'checkpoints') { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }

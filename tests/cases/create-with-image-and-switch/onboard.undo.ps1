@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 5773a8dd7937 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 13d0c1df7761 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
     name    the running step  off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '5773a8dd7937'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '13d0c1df7761'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -48,19 +48,19 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 3 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
-    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Name 'vision' -Disk 'D:\machines\vision\vision-13d0c1df7761.vhdx' }
+    Add-Step -Action 'remove it' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-5773a8dd7937.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
+    Use-Target -Address 'partition/vision/disk' -Read { Get-DiskReading -Path 'D:\machines\vision\vision-13d0c1df7761.vhdx' -Parent 'D:\images\base.vhdx' -Everywhere }
     Add-Step -Action 'delete the disk that is a child of D:\images\base.vhdx' -Undoes 0 -Before @{
         child = $true; exists = $true; used = $false
     } -After @{
         exists = $false
-    } -Set { Remove-Item -LiteralPath 'D:\machines\vision\vision-5773a8dd7937.vhdx' }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision' }
+    } -Set { Remove-Item -LiteralPath 'D:\machines\vision\vision-13d0c1df7761.vhdx' }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From 'D:\machines\vision.rarms-13d0c1df7761' -To 'D:\machines\vision' }
     Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From 'D:\machines\vision.rarms-5773a8dd7937' -To 'D:\machines\vision'
+        Remove-PartitionFolder -From 'D:\machines\vision.rarms-13d0c1df7761' -To 'D:\machines\vision'
     }
 }
 #region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d24b8e880854 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan a8bdbffed352 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        the running step                                                    off
@@ -9,7 +9,7 @@
     vision      stopped; removed; delete its disk D:\vms\vision-0123456789ab.vhdx   for good, after at most 120 s
     Time: a few seconds for each call. The script waits at most 240 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Remove-Item 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
-    Not undone: speech, vision: the machine cannot be created again
+    Not undone: speech, vision: the partition cannot be created again
     Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -26,7 +26,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo b1d2c4d803f1e7d6d514cc5fb5bfb55da475cadc5a1d3638a81b617312ac0f7e, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 9af51538c242ef01f29ed507ea74f51599384206ed4d3a7a45858f230e007b7c, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'destroy'; Plan = 'd24b8e880854'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'b1d2c4d803f1e7d6d514cc5fb5bfb55da475cadc5a1d3638a81b617312ac0f7e'
+        Run = 'apply'; Purpose = 'destroy'; Plan = 'a8bdbffed352'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '9af51538c242ef01f29ed507ea74f51599384206ed4d3a7a45858f230e007b7c'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -52,7 +52,7 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine' -Before @{
+    Add-Step -Action 'remove it' -Before @{
         disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0; state = 'off'
     } -After @{
         exists = $false
@@ -63,7 +63,7 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine, keep its other disks' -Before @{
+    Add-Step -Action 'remove it, keep its other disks' -Before @{
         disks = 2; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 0; state = 'off'
     } -After @{
         exists = $false

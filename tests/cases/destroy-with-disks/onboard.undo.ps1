@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan d24b8e880854 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan a8bdbffed352 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; 0 disks deleted; task classes: 1 changed, 0 removed.
     name        the running step
@@ -9,7 +9,7 @@
     vision      started, if the run ended before the machine was removed
     Time: a few seconds for each call. The script waits at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Start-VM 2, Write-TaskRecord 1, Write-TaskValue 8.
-    Not undone: speech, vision: the machine cannot be created again
+    Not undone: speech, vision: the partition cannot be created again
     Not undone: vision: the data on the disk is lost
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
@@ -42,7 +42,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'destroy'; Plan = 'd24b8e880854'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'destroy'; Plan = 'a8bdbffed352'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan bf93d04b56c7 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan f7a53c523cbc of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 1 stopped, 1 removed; 0 disks deleted.
     name    the running step  off
@@ -38,7 +38,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = 'bf93d04b56c7'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = 'f7a53c523cbc'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -47,12 +47,12 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 2 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Add-Step -Action 'remove it' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-bf93d04b56c7') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
+    Use-Target -Address 'partition/vision/folder' -Read { Get-FolderReading -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-f7a53c523cbc') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision') }
     Add-Step -Action 'remove its empty folders' -Undoes 0 -Before @{} -After @{ folders = 0 } -Set {
-        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-bf93d04b56c7') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
+        Remove-PartitionFolder -From ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision.rarms-f7a53c523cbc') -To ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)\vision')
     }
 }
 #region The module of rarms 0.1.0: load it only if its two files are unchanged, except for signatures.

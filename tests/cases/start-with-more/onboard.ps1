@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 814e19b9f5fb of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 2d41b4e75ed0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     2 machines added, 0 changed, 0 stopped, 0 removed; 0 disks deleted.
     machine  processors  reserve                weight  memory   disk  switch  secure boot  start
@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo c763de21481adc455a9cd9912c1473159e246fd519afb14ae03e166d70bc1b8b, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest ee4efea13b84, rarms 0.1.0. SHA-256: the undo cd148999a82b7ebefd62f16db4c2bb264d2dc0eb8b684b5a9be130de5c971848, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '814e19b9f5fb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = 'c763de21481adc455a9cd9912c1473159e246fd519afb14ae03e166d70bc1b8b'
+        Run = 'apply'; Purpose = 'apply'; Plan = '2d41b4e75ed0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = 'cd148999a82b7ebefd62f16db4c2bb264d2dc0eb8b684b5a9be130de5c971848'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }
@@ -48,7 +48,7 @@ $plan = {
     Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
     Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 268435456
-    } -Set { Hyper-V\New-VM -Name 'door.rarms-814e19b9f5fb' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'door.rarms-2d41b4e75ed0' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
         processors = 1; reserve = 100; set = '5805e8f8f9bc'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
@@ -65,7 +65,7 @@ $plan = {
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Name 'speech' }
     Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set { Hyper-V\New-VM -Name 'speech.rarms-814e19b9f5fb' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    } -Set { Hyper-V\New-VM -Name 'speech.rarms-2d41b4e75ed0' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'set all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
         name = 'speech'; processors = 1; reserve = 80; set = '6e07bbd865ca'; start_action = 'start'; state = 'off'

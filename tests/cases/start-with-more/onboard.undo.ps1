@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 814e19b9f5fb of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 2d41b4e75ed0 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 0 disks deleted.
     name    the running step  off
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '814e19b9f5fb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '2d41b4e75ed0'; Application = 'robot'; Robot = ''; Serial = 0; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
@@ -54,11 +54,11 @@ $plan = {
     Add-Step -Action 'stop it (shut down, after 60 s forced, turned off after 120 s)' -Undoes 5 -Before @{ state = 'running' } -After @{
         state = 'off'
     } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'remove the machine' -Undoes 2 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Add-Step -Action 'remove it' -Undoes 2 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
     Use-Target -Address 'partition/door' -Read { Get-PartitionReading -Name 'door' }
-    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Add-Step -Action 'remove it' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
 }

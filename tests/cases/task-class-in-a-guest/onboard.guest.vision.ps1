@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 664e0a81f427 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan e2ce822b54cb of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  write the class MotionControl, and save its earlier values
@@ -22,7 +22,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.guest.vision.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo bec691130fa7a6511f33aea2fbe6ba96ced7235188225f7420218231a7567c4f, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest ac71332e2c48, rarms 0.1.0. SHA-256: the undo 8eb75a00210ad9cc35743300c3fc56cf91aa445809c74772fbb51840d4f339b8, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -37,8 +37,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
-        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = 'bec691130fa7a6511f33aea2fbe6ba96ced7235188225f7420218231a7567c4f'
+        Run = 'apply'; Purpose = 'apply'; Plan = 'e2ce822b54cb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Undo = 'onboard.guest.vision.undo.ps1'; UndoDigest = '8eb75a00210ad9cc35743300c3fc56cf91aa445809c74772fbb51840d4f339b8'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }
     # === vision: the values in the guest are not known, so its record decides; it takes effect when the guest restarts (rarms.yaml:12:65)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 664e0a81f427 of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan e2ce822b54cb of application robot, for the guest of partition vision on host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     task classes: 1 changed, 0 removed; no machine is stopped or changed.
     vision/task/MotionControl  restore the values of MotionControl from before rarms
@@ -37,7 +37,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '664e0a81f427'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
+        Run = 'undo'; Purpose = 'apply'; Plan = 'e2ce822b54cb'; Application = 'robot'; Robot = ''; Serial = 0; Guest = 'vision'
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

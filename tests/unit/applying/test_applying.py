@@ -287,8 +287,8 @@ def test_undo_titles_say_what_changes_back(lab: Lab) -> None:
     assert told(lab) == [
         "partition/speech: stop it",
         "partition/vision: stop it",
-        "partition/vision: remove the machine",
-        "partition/speech: remove the machine",
+        "partition/vision: remove it",
+        "partition/speech: remove it",
     ]
 
     (mark,) = (

@@ -1,5 +1,6 @@
 """A partition that the manifest no longer names: removed where it holds nothing that could be lost, otherwise kept."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass, UndoLevel
 from rarms_iac.model.seen_host import SeenHost
 from rarms_iac.model.state import (
+    NO_GENERATION,
     Disk,
     DiskKind,
     RegistryValue,
@@ -284,6 +286,24 @@ def test_equal_identities_are_named_as_clones(provider: ProviderKind) -> None:
 def test_slices_of_one_machine_are_no_clones() -> None:
     assert found(ProviderKind.LINUX, ("a" * 32, "a" * 32), ("left", "right")) == {"RARMS343"}
     assert found(ProviderKind.LINUX, ("a" * 32, "b" * 32), ("left", "right")) == set()
+
+
+@pytest.mark.parametrize("purpose", [Purpose.APPLY, Purpose.DESTROY, Purpose.STOP])
+def test_linux_plans_name_no_virtual_machines(purpose: Purpose) -> None:
+    host = a_host("onboard", provider=ProviderKind.LINUX, settings=LinuxHost(slice="robot"))
+    group = partition(settings(generation=NO_GENERATION), application=vision_alone().application.name)
+    others = partition(settings("other", generation=NO_GENERATION, reserve=10), application=None)
+    there = (others,) if purpose is Purpose.APPLY else (group, others)
+    state = State(facts=replace(facts(), provider=ProviderKind.LINUX), partitions=there)
+
+    plan = make_plan(a_request(vision_alone(host=host), purpose=purpose), {"onboard": state}).plan
+    assert plan is not None
+    shown = render(plan_text(plan, verbose=True), UNLIMITED)
+
+    assert "partition/vision: " in shown
+    assert "by unmanaged partitions" in shown
+    assert (purpose is Purpose.APPLY) or "up to 2 min to end its processes" in shown
+    assert not re.search("machine|shut down|turned off|guest", shown)
 
 
 def _record(robot: str, application: str = "cell") -> TaskRecord:

@@ -245,7 +245,7 @@ def test_terminal_shows_running_step_in_place() -> None:
 def test_undo_says_what_comes_back_and_what_stays() -> None:
     steps = [
         UndoneStep(address="partition/vision", title="reserve 40 -> 70 %", level=UndoLevel.FULL),
-        UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
+        UndoneStep(address="partition/old", title="remove it", level=UndoLevel.NONE),
     ]
 
     shown = UndoPreview(
@@ -256,7 +256,7 @@ def test_undo_says_what_comes_back_and_what_stays() -> None:
         ("Undo of the apply of plan 0123456789ab on onboard, started by me. The last change is undone first:"),
         "  resource          undo",
         "  partition/vision  reserve 40 -> 70 %",
-        "  partition/old     stays done: remove the machine",
+        "  partition/old     stays done: remove it",
     ]
 
 

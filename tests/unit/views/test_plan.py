@@ -130,7 +130,7 @@ def test_task_class_shows_types_and_effect() -> None:
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
         "  partition/former is no longer in the manifest and is stopped. Remove it with",
-        "  partition/old, remove the machine: cannot be undone; it is not made again",
+        "  partition/old, remove it: cannot be undone; it is not made again",
         "  ~ speech    0.4 LP -> 0.8 LP  512 MiB  processors 1 -> 2; stops the partition",
         "  Afterwards: 1.9 LP of 2 LP reserved, 0.1 LP free.",
         "warning[RARMS041] A change restarts or stops a partition",
@@ -144,7 +144,7 @@ def test_steps_are_shown_on_request_in_their_order() -> None:
     shown = lines_of(a_rich_plan(), verbose=True)
 
     assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" in shown
-    assert "  2. partition/old: remove the machine  (rarms.yaml:31)" in shown
+    assert "  2. partition/old: remove it  (rarms.yaml:31)" in shown
     assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" not in lines_of(a_rich_plan())
 
 
