@@ -190,7 +190,7 @@ def test_wrong_topic_is_named(ros: dict[str, str], tmp_path: Path, monkeypatch: 
     [
         ({"output": "/face"}, "/face has no publisher"),
         ({"input": "/other", "output": "/face"}, "/other and /face have no publisher"),
-        ({"output": "/camera_2"}, "no message of /camera_2 has the stamp of a message of /camera of the last 0.3 s"),
+        ({"output": "/camera_2"}, "no message of /camera_2 has the stamp of a message of /camera of the last 300 ms"),
     ],
     ids=["output", "both", "stamp"],
 )
@@ -302,3 +302,21 @@ def test_ros_2_type_without_header_is_refused(ros_2: dict[str, str], tmp_path: P
 
     with pytest.raises(CannotStart, match="std_msgs/msg/String, which has no header"):
         heard(run, tmp_path, ros_2)
+
+
+@pytest.mark.needs("posix", "rosbags")
+def test_ros_2_topic_without_publisher_is_named(ros_2: dict[str, str], tmp_path: Path) -> None:
+    said: list[str] = []
+    words = (sys.executable, "-c", "import time; time.sleep(99)")
+    run = a_run(words, samples=replace(MESSAGES, output="/face"), until=3, timeout=300)
+
+    with ComponentRun("detector", run, StartContext(base=tmp_path, environment=ros_2)) as running:
+
+        def hear(text: str) -> None:
+            said.append(text)
+            running.interrupt()
+
+        running.call_while_waiting(hear)
+        assert list(running) == []
+
+    assert said == ["/face has no publisher"]
