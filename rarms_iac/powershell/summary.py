@@ -25,7 +25,7 @@ _MADE, _REMOVED, _STOPPED, _DELETED = "New-VM", "Remove-VM", "Stop-Partition", "
 _REMOVED_CLASS, _WAITS = "Remove-TaskClass", "Wait-Start"
 _PARTITION, _TASK = "partition/", "/task/"
 
-NOT_MADE_AGAIN = "the machine cannot be created again"  # by a script: a simulated host makes it again
+NOT_MADE_AGAIN = "the partition cannot be created again"  # by a script: a simulated host makes it again
 NOT_UNDONE = "Not undone"
 """Begins the lines of a head that say what cannot be undone."""
 FOREIGN = "Not set by rarms"

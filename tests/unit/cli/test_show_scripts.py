@@ -247,5 +247,5 @@ def test_removed_machine_is_lost_in_the_script(tmp_path: Path) -> None:
     shown = rarms("show", "--script", path)
 
     assert shown.code == 0, shown.err
-    assert "the machine cannot be created again" in shown.out
-    assert "the machine cannot be created again" not in rarms("show", path).out, "the simulated host makes it again"
+    assert "the partition cannot be created again" in shown.out
+    assert "the partition cannot be created again" not in rarms("show", path).out, "the simulated host makes it again"

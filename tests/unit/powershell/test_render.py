@@ -243,7 +243,7 @@ def test_undo_says_machine_is_not_made_again() -> None:
     )
 
     assert there == back
-    assert any("the machine cannot be created again" in line for line in there)
+    assert any("the partition cannot be created again" in line for line in there)
 
 
 def test_everything_is_counted_and_undo_counts_other_way() -> None:
@@ -290,7 +290,7 @@ def test_unrestorable_parts_are_said_by_machine() -> None:
         line for line in render_scripts(*rendered_plan(removals))["onboard.ps1"].split(b"\r\n") if b"Not un" in line
     )
 
-    assert lost.strip() == b"Not undone: part-2, part-10: the machine cannot be created again"
+    assert lost.strip() == b"Not undone: part-2, part-10: the partition cannot be created again"
 
 
 def test_new_machine_is_a_table_line() -> None:
