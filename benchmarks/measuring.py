@@ -34,12 +34,12 @@ from rarms_iac.measuring.partitions import (
     MeasuringResources,
     highest_reserve,
     host_resources,
-    load_reserves,
     load_share,
+    processors_of_load,
 )
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import index_named, percentile_of
-from rarms_iac.model.loads import DEFAULT_LOADS, load_parts
+from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.outcomes import NotAchievable, WithinNoise
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series, columns_of
 from rarms_iac.model.setting import P1, P2_WEIGHT
@@ -215,7 +215,8 @@ class LongRuns:
     def machine(self, experiment: Experiment, reserve: int) -> ModelMachine:
         """Return the machine on which this experiment runs at a CR."""
         setup, processors = experiment.setup, experiment.host.logical_processors
-        share = load_share(self.resources, setup, reserve)
+        of_part = processors_of_load(self.resources, setup, experiment.load, experiment.usual_load_parts)
+        share = load_share(self.resources, setup, reserve, of_part)
         assert share is not None, "no more than the highest is asked for"
         p1 = VirtualMachine(
             name=P1,
@@ -225,16 +226,11 @@ class LongRuns:
             weight=setup.weight,
             components=tuple(map(demand_of, experiment.members)),
         )
-        parts = load_reserves(share.reserve, load_parts(experiment.load, processors))
         p2 = (
             VirtualMachine(
-                name=name,
-                vps=processors,
-                reserve=of_part,
-                weight=P2_WEIGHT,
-                loads=(model_load(experiment.load, of_part),),
+                name=name, vps=vps, reserve=part, weight=P2_WEIGHT, loads=(model_load(experiment.load, part),)
             )
-            for name, of_part in parts.items()
+            for vps, (name, part) in zip(of_part, share.reserves.items(), strict=True)
         )
         return ModelMachine(lps=processors, machines=(p1, *p2), interrupts=QUIET_INTERRUPTS)
 

@@ -368,7 +368,7 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
                 raise RequestError(message)
             resources = host_resources(experiment.host, host.observe(), experiment.application)
             in_parts = experiment if has_one_p2(method) else in_load_parts(experiment, resources)
-            shapes, work = shapes_for(in_parts, resources), work_in_test_partitions(in_parts)
+            shapes, work = shapes_for(in_parts, resources), work_in_test_partitions(in_parts, resources)
             for title, text in (
                 (
                     f"{experiment.name}.{experiment.setup.interference}",

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.loads import Interference, is_divided
 from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,
@@ -124,65 +125,120 @@ def parts_that_fit(resources: MeasuringResources, wanted: int, taken: int = 0) -
     return wanted if free_memory(resources, taken, wanted) >= USUAL_LOAD_MEMORY else 1
 
 
-def load_reserves(reserve: ReservePercent, parts: int) -> dict[str, ReservePercent]:
-    """Divide the reservation of P2 evenly among its parts.
+def processors_of_load(
+    resources: MeasuringResources, setup: EnvironmentSetup, load: Interference, most_parts: int
+) -> tuple[int, ...]:
+    """Say how many virtual processors each part of P2 has next to P1.
+
+    P2 has one on every LP, and each reserves the same. So where P1 has fewer, P2 can reserve only what P1 leaves on its
+    own LPs, and a second part reserves the rest of the other LPs. Without it P1 would get a share of that rest, which
+    other partitions have in a layout.
 
     Args:
-        reserve: of all parts together, per cent of each processor.
+        setup: of P1.
+        most_parts: 1: the P2 of the paper.
 
     Returns:
-        Whole per cent by the name of the partition; the first part has what is left over.
+        One number for each part.
     """
-    each, left = divmod(reserve, parts)
-    return {name: each + (0 if number else left) for number, name in enumerate(LOAD_PARTITIONS[:parts])}
+    wide = resources.capacity.logical_processors
+    if most_parts == 1:
+        return (wide,)
+    others = wide - resources.capacity.sharing.claim(setup.processors, WHOLE, setup.memory).processors
+    if others > 0:
+        return wide, others
+    return (wide, wide) if is_divided(load) else (wide,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadShare:
     """The processor time of P2 while P1 reserves a CR."""
 
-    reserve: int  # per cent of each of P2's own processors
+    reserve: int  # per cent of each processor of its first part; of both where they divide it
+    reserves: Mapping[str, ReservePercent]  # of each part, by its name: per cent of each of its own processors
     processors: Fraction  # LPs that a load takes at least if it never sleeps
     others: Fraction  # LPs of what partitions can use together that P2 does not reserve
 
 
-def load_share(resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent) -> LoadShare | None:
+def load_share(
+    resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent, parts: Sequence[int] = ()
+) -> LoadShare | None:
     """Work out the reservation of P2 and the time that its load takes, while P1 reserves this.
 
     P2 reserves all the rest of what partitions can use together, 100 - CR on an empty host. Where they may use what is
     kept for the host, it is part of the rest: in service the host may use it. Were it free, P1 would get a share of it
     here, and need more than was measured there. On Linux a limit keeps it from both.
 
+    Args:
+        parts: the processors of each part of P2 (`processors_of_load`); empty: one part.
+
     Returns:
         None: the host cannot give P1 so much.
     """
     p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
     memory = memory_for_load(resources, setup)
-    p2 = Claim(processors=resources.capacity.logical_processors, reserve=0, memory=max(0, memory))
+    wide = resources.capacity.logical_processors
+    p2 = Claim(processors=wide, reserve=0, memory=max(0, memory))
     if not fits(resources.capacity, (*resources.claims, p1, p2)):
         return None
-    of_p2 = _highest_reserve_of_p2(resources, (p1,), memory)
-    takes = Fraction(of_p2 * resources.capacity.logical_processors, WHOLE)
-    return LoadShare(reserve=of_p2, processors=takes, others=resources.shared_processors - takes)
+    return share_of_parts(resources, (p1,), memory, parts or (wide,))
 
 
-def free_reserve(resources: MeasuringResources, memory: int) -> ReservePercent:
-    """Say what a P2 alone can reserve of what partitions can use together, in addition to what is promised already.
+def share_of_parts(
+    resources: MeasuringResources, claims: tuple[Claim, ...], memory: int, parts: Sequence[int]
+) -> LoadShare:
+    """Reserve all the rest of what partitions can use together for the parts of P2.
+
+    Args:
+        claims: in addition to what is promised.
+        memory: of P2, in bytes.
+        parts: the processors of each part. Parts of as many divide what one would reserve; one of fewer reserves what
+            the first one leaves.
+    """
+    wide, *second = parts
+    p2 = Claim(processors=wide, reserve=0, memory=max(0, memory))
+    reserve = _highest_reserve(resources, claims, p2)
+    if second and second[0] < wide:
+        reserves = [reserve, _rest(resources, (*claims, replace(p2, reserve=reserve)), second[0])]
+    else:
+        each, left = divmod(reserve, len(parts))
+        reserves = [each + left, *(each for _ in second)]
+    takes = Fraction(sum(vps * each for vps, each in zip(parts, reserves, strict=True)), WHOLE)
+    return LoadShare(
+        reserve=reserve,
+        reserves=dict(zip(LOAD_PARTITIONS, reserves, strict=False)),
+        processors=takes,
+        others=resources.shared_processors - takes,
+    )
+
+
+LEAST_REST = 10
+"""Per cent of an LP: less is not worth a second part of P2 next to a layout."""
+
+
+def share_next_to_layout(
+    resources: MeasuringResources, load: Interference, memory: int, most_parts: int
+) -> tuple[tuple[int, ...], LoadShare]:
+    """Work out the parts of P2 and their reservations next to what runs.
+
+    Args:
+        resources: of the host, with all that runs.
+        memory: of each part, in bytes.
+        most_parts: for which there is memory.
 
     Returns:
-        Whole per cent of each of its processors, one for each logical processor; 0 where nothing is left.
+        The processors of each part, and what they reserve.
     """
-    return _highest_reserve_of_p2(resources, (), memory)
-
-
-def _highest_reserve_of_p2(resources: MeasuringResources, claims: tuple[Claim, ...], memory: int) -> int:
     wide = resources.capacity.logical_processors
-    whole = replace(resources.capacity, processors=resources.shared_processors)
-    for reserve in range(WHOLE, 0, -1):
-        p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
-        if fits(whole, (*resources.claims, *claims, p2)):
-            return reserve
-    return 0
+    one = share_of_parts(resources, (), memory, (wide,))
+    if most_parts == 1:
+        return (wide,), one
+    p2 = Claim(processors=wide, reserve=one.reserve, memory=max(0, memory))
+    rest, others = max((others * _rest(resources, (p2,), others), others) for others in range(1, wide))
+    parts = (wide, wide) if is_divided(load) else (wide,)
+    if rest >= LEAST_REST:
+        parts = (wide, others)
+    return parts, share_of_parts(resources, (), memory, parts)
 
 
 def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> ReservePercent:
@@ -200,6 +256,19 @@ def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> R
     return next((reserve for reserve in possible if load_share(resources, setup, reserve) is not None), 0)
 
 
+def _rest(resources: MeasuringResources, claims: tuple[Claim, ...], processors: int) -> ReservePercent:
+    return _highest_reserve(resources, claims, Claim(processors=processors, reserve=0, memory=0))
+
+
+def _highest_reserve(resources: MeasuringResources, claims: tuple[Claim, ...], wanted: Claim) -> ReservePercent:
+    """Return the most that this claim can reserve, in whole per cent of each of its processors; 0: nothing is left."""
+    whole = replace(resources.capacity, processors=resources.shared_processors)
+    for reserve in range(WHOLE, 0, -1):
+        if fits(whole, (*resources.claims, *claims, replace(wanted, reserve=reserve))):
+            return reserve
+    return 0
+
+
 def _counts(partition: Partition, application: str) -> bool:
     if partition.is_test:
         return False
@@ -209,13 +278,13 @@ def _counts(partition: Partition, application: str) -> bool:
 
 
 def shapes_of_test_partitions(
-    setup: EnvironmentSetup, logical_processors: int, load_memory: int, parts: int = 1
+    setup: EnvironmentSetup, load_memory: int, parts: Sequence[int]
 ) -> tuple[PartitionShape, ...]:
     """Shape P1 and P2: the load may use all of every logical processor.
 
     Args:
-        logical_processors: of the host; each part of P2 has as many.
         load_memory: of each part of P2, in bytes.
+        parts: the virtual processors of each part of P2.
 
     Returns:
         P1, then the parts of P2.
@@ -223,22 +292,22 @@ def shapes_of_test_partitions(
     p1 = PartitionShape(
         name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight
     )
-    return p1, *load_shapes(logical_processors, load_memory, parts)
+    return p1, *load_shapes(load_memory, parts)
 
 
-def load_shapes(logical_processors: int, load_memory: int, parts: int) -> tuple[PartitionShape, ...]:
+def load_shapes(load_memory: int, parts: Sequence[int]) -> tuple[PartitionShape, ...]:
     """Shape P2 alone, for an interfering load that was asked for: it gets what no other claims.
 
     Args:
-        logical_processors: of the host; each part of P2 has as many.
         load_memory: of each part, in bytes.
+        parts: the virtual processors of each part.
 
     Returns:
         The parts of P2 without a limit and with the highest weight.
     """
     return tuple(
-        PartitionShape(name=name, processors=logical_processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
-        for name in LOAD_PARTITIONS[:parts]
+        PartitionShape(name=name, processors=processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
+        for name, processors in zip(LOAD_PARTITIONS, parts, strict=False)
     )
 
 

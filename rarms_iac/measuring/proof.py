@@ -19,12 +19,11 @@ from rarms_iac.measuring.evidence import MeasuredIndex, with_memory_kills
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
-    free_reserve,
-    load_reserves,
     load_shapes,
     parts_that_fit,
     running_test_partitions,
     set_reserves,
+    share_next_to_layout,
 )
 from rarms_iac.measuring.sampling import Contender, Settling, WatchEnd, wants_all_processors, watch
 from rarms_iac.model.loads import Interference, load_parts
@@ -193,12 +192,8 @@ class LoadPartition:
 
     load: Interference
     shapes: tuple[PartitionShape, ...]  # its parts
-    reserve: ReservePercent  # of all parts together: per cent of each of its processors
-
-    @property
-    def lacks_part(self) -> bool:
-        """Whether the host has no memory for all parts that the load usually has."""
-        return len(self.shapes) < load_parts(self.load, self.shapes[0].processors)
+    reserves: Mapping[str, ReservePercent]  # of each part, by its name: per cent of each of its processors
+    lacks_part: bool = False  # whether the host has no memory for all parts that the load usually has
 
 
 def load_partition(load: Interference, resources: MeasuringResources) -> LoadPartition | None:
@@ -210,13 +205,14 @@ def load_partition(load: Interference, resources: MeasuringResources) -> LoadPar
     Returns:
         P2; None where the least memory of a partition is not left.
     """
-    processors = resources.capacity.logical_processors
-    parts = parts_that_fit(resources, load_parts(load, processors))
-    memory = free_memory(resources, parts=parts)
+    usual = load_parts(load, resources.capacity.logical_processors)
+    most = parts_that_fit(resources, usual)
+    memory = free_memory(resources, parts=most)
     if memory < LEAST_MEMORY:
         return None
-    shapes = load_shapes(processors, memory, parts)
-    return LoadPartition(load=load, shapes=shapes, reserve=free_reserve(resources, memory))
+    parts, share = share_next_to_layout(resources, load, memory, most)
+    shapes = load_shapes(memory, parts)
+    return LoadPartition(load=load, shapes=shapes, reserves=share.reserves, lacks_part=most < usual)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,7 +283,7 @@ def prove(
         if load_partition := conditions.load_partition:
             shapes = load_partition.shapes
             ends.enter_context(running_test_partitions(host, layout.application, shapes))
-            set_reserves(host, layout.application, shapes, load_reserves(load_partition.reserve, len(shapes)))
+            set_reserves(host, layout.application, shapes, load_partition.reserves)
         while not proof.is_over:
             if (ended := proof.start_anew()) is not None:
                 return None if isinstance(ended, Stopped) else ended

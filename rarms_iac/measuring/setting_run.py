@@ -15,8 +15,8 @@ from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
-    load_reserves,
     load_share,
+    processors_of_load,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
@@ -31,7 +31,7 @@ from rarms_iac.model.outcomes import Measure, SettingFailed, Stopped, TooManyFai
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import MOST_SAMPLES, Series
-from rarms_iac.model.setting import LOAD_PARTITIONS, P1, PartitionShape, Setting, SettingEvidence
+from rarms_iac.model.setting import P1, PartitionShape, Setting, SettingEvidence
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.first_look import LONGEST_MS
@@ -94,20 +94,25 @@ def shapes_for(experiment: Experiment, resources: MeasuringResources) -> tuple[P
     Returns:
         P1, then the parts of P2.
     """
-    parts = experiment.load_parts
-    memory = free_memory(resources, experiment.setup.memory, parts)
-    return shapes_of_test_partitions(experiment.setup, resources.capacity.logical_processors, memory, parts)
+    parts = _parts_of_load(experiment, resources)
+    memory = free_memory(resources, experiment.setup.memory, len(parts))
+    return shapes_of_test_partitions(experiment.setup, memory, parts)
 
 
-def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, ...]:
+def _parts_of_load(experiment: Experiment, resources: MeasuringResources) -> tuple[int, ...]:
+    return processors_of_load(resources, experiment.setup, experiment.load, experiment.load_parts)
+
+
+def work_in_test_partitions(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionWork, ...]:
     """Say what runs in P1 and in P2.
 
     Returns:
         P1's work, then that of each part of P2.
     """
+    p1, *parts = shapes_for(experiment, resources)
     return (
-        PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
-        *(PartitionWork(partition=name, load=experiment.load) for name in LOAD_PARTITIONS[: experiment.load_parts]),
+        PartitionWork(partition=p1.name, components=experiment.members, classes=_task_classes(experiment)),
+        *(PartitionWork(partition=part.name, load=experiment.load) for part in parts),
     )
 
 
@@ -132,11 +137,11 @@ def run_setting(
         HostError: The host did not do what was asked.
     """
     experiment, control = site.experiment, site.control
-    share = load_share(site.resources, experiment.setup, request.reserve)
+    parts = _parts_of_load(experiment, site.resources)
+    share = load_share(site.resources, experiment.setup, request.reserve, parts)
     if share is None:
         raise ValueError(f"the host cannot give {request.reserve} %")
-    reserves = {P1: request.reserve, **load_reserves(share.reserve, experiment.load_parts)}
-    set_reserves(site.host, experiment.application, site.shapes, reserves)
+    set_reserves(site.host, experiment.application, site.shapes, {P1: request.reserve, **share.reserves})
     processors = site.resources.capacity.logical_processors
     steady_share = share if wants_all_processors(experiment.load, processors) else None
     left_ms = experiment.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed)
@@ -241,7 +246,7 @@ def _work(site: Site, request: Measure) -> Work:
     goes_on, all_samples = request.until_clear and not request.within_until, SampleCount(samples=4 * MOST_SAMPLES)
     return Work(
         application=experiment.application,
-        partitions=(*work_in_test_partitions(experiment), *site.others),
+        partitions=(*work_in_test_partitions(experiment, site.resources), *site.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
         seed=(site.seed + (FIRST_PASS_SEED if request.first_pass else 0)) * SEED_STEP + request.reserve,
     )

@@ -126,24 +126,26 @@ LONG_CYCLE = Milliseconds(Fraction(100))
 
 
 def load_parts(load: Interference, processors: int) -> int:
-    """Return the number of partitions in which a load interferes: 2 where waits are then more frequent.
-
-    With one neighbor a component that competes for several processors waits seldom and long. With several it waits two
-    to four times as often, so that percentiles of short jobs are longer, although the mean is the same. Short bursts
-    stay in one partition: they delay a mean most where they take all processors at once (docs/measuring.md, Loads).
+    """Return the most partitions in which a load interferes.
 
     Args:
         processors: LPs of the host.
     """
-    if processors == 1:
-        return 1
     match load:
-        case BusyLoop(threads=None):
-            return 2
-        case Bursts(every=every, duty=None, threads=None):
-            return 2 if every >= LONG_CYCLE else 1
+        case BusyLoop(threads=None) | Bursts(duty=None, threads=None):
+            return min(processors, 2)
         case _:
             return 1  # what the manifest counts exists once
+
+
+def is_divided(load: Interference) -> bool:
+    """Tell whether a load runs in two equal partitions where P1 has a VP for each LP: waits are then more frequent.
+
+    With one neighbor a component that competes for several processors waits seldom and long. With several it waits two
+    to four times as often, so that percentiles of short jobs are longer, although the mean is the same. Short bursts
+    stay in one partition: they delay a mean most where they take all processors at once (docs/measuring.md, Loads).
+    """
+    return not isinstance(load, Bursts) or load.every >= LONG_CYCLE
 
 
 def could_take_all(load: Interference, processors: int) -> bool:

@@ -12,14 +12,21 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.partitions import (
-    load_reserves,
     remove_test_partitions,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
 )
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress, load_parts
+from rarms_iac.model.loads import (
+    LOADS_WITHOUT_ENTRY,
+    BusyLoop,
+    CommandLoad,
+    Interference,
+    Stress,
+    is_divided,
+    load_parts,
+)
 from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.series import Sample
 from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, P2_SECOND, EnvironmentSetup
@@ -63,7 +70,7 @@ def linux(folder: Path) -> MeasuringHost:
 SETUP = EnvironmentSetup(
     members=("ears", "eyes"), interference="busy-loop", processors=2, memory=memory("512 MiB"), limit=100, weight=100
 )
-SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"), parts=2)
+SHAPES = shapes_of_test_partitions(SETUP, memory("256 MiB"), (2, 2))
 
 
 def program(work_s: float, sleep_s: float = 0.0, processes: int = 1) -> Run:
@@ -92,11 +99,16 @@ def host(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[MeasuringHo
 
 @contextmanager
 def ready(host: MeasuringHost, reserve: int = 60, load: Interference = BUSY) -> Iterator[None]:
-    parts = load_parts(load, 2)
+    parts = parts_of(load)
     shapes = SHAPES[: 1 + parts]
     with running_test_partitions(host, "robot", shapes):
-        set_reserves(host, "robot", shapes, {P1: reserve, **load_reserves(100 - reserve, parts)})
+        of_part = {shape.name: (100 - reserve) // parts for shape in shapes[1:]}
+        set_reserves(host, "robot", shapes, {P1: reserve, **of_part})
         yield
+
+
+def parts_of(load: Interference) -> int:
+    return load_parts(load, 2) if is_divided(load) else 1
 
 
 def some_work(*components: Component, seed: int = 7, load: Interference = BUSY, **until: SampleCount | Elapsed) -> Work:
@@ -104,7 +116,7 @@ def some_work(*components: Component, seed: int = 7, load: Interference = BUSY, 
         application="robot",
         partitions=(
             PartitionWork(partition=P1, components=components),
-            *(PartitionWork(partition=name, load=load) for name in LOAD_PARTITIONS[: load_parts(load, 2)]),
+            *(PartitionWork(partition=name, load=load) for name in LOAD_PARTITIONS[: parts_of(load)]),
         ),
         until=until,
         seed=seed,

@@ -6,12 +6,17 @@ not always keep to it: they depend on how often a component waits.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
 from math import exp, log
 from random import Random
 
-from rarms_iac.measuring.partitions import load_reserves
+from rarms_iac.measuring.partitions import MeasuringResources, load_share, processors_of_load, share_next_to_layout
+from rarms_iac.model.capacity import Capacity, fits
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY, load_parts
-from rarms_iac.model.setting import P2_WEIGHT
+from rarms_iac.model.quantities import LEAST_MEMORY, Bytes, LogicalProcessors
+from rarms_iac.model.setting import P2_WEIGHT, EnvironmentSetup
 from rarms_iac.providers.simulated.measuring import model_load
 from rarms_iac.providers.simulated.scheduling.machine import QUIET_INTERRUPTS, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation
@@ -27,9 +32,20 @@ LEAST_JOBS = 300
 INDEXES = (("mean", 0.0), ("p90", 0.9), ("p95", 0.95))
 
 
+MEMORY = Bytes(16 * 2**30)
+
+
 def draw(seed: int | str, lps: int = LPS) -> tuple[VirtualMachine, ...]:
-    """Draw partitions that reserve 60 to 97 % of the host, each with a component of 0.5 to 100 ms."""
+    """Draw partitions that reserve 60 to 97 % of the host and fit it, each with a component of 0.5 to 100 ms."""
     chance = Random(f"layout/{seed}")
+    capacity = Capacity(logical_processors=lps, processors=LogicalProcessors(Fraction(lps)), memory=MEMORY)
+    while True:
+        drawn = _draw(chance, lps)
+        if fits(capacity, [Claim(processors=each.vps, reserve=int(each.reserve), memory=0) for each in drawn]):
+            return drawn
+
+
+def _draw(chance: Random, lps: int) -> tuple[VirtualMachine, ...]:
     parts = [chance.uniform(0.3, 1.0) for _ in range(chance.randint(2, 4))]
     reserved = 100 * lps * chance.uniform(0.6, 0.97)
     return tuple(
@@ -66,12 +82,26 @@ def slowest(
 
 
 def load_of(name: str, partitions: Sequence[VirtualMachine], most_parts: int, lps: int) -> Iterator[VirtualMachine]:
-    """Yield the parts of P2 with all that these partitions do not reserve."""
+    """Yield the parts of P2 as they are next to P1, or next to the partitions of a layout."""
     load = LOADS_WITHOUT_ENTRY[name]
-    rest = int(100 - sum(each.vps * each.reserve for each in partitions) / lps)
-    for part, reserve in load_reserves(rest, min(most_parts, load_parts(load, lps))).items():
+    most = min(most_parts, load_parts(load, lps))
+    capacity = Capacity(logical_processors=lps, processors=LogicalProcessors(Fraction(lps)), memory=MEMORY)
+    claims = tuple(Claim(processors=each.vps, reserve=int(each.reserve), memory=0) for each in partitions)
+    room = MeasuringResources(capacity=capacity, claims=claims, shared_processors=capacity.processors)
+    if len(partitions) == 1:
+        [p1] = partitions
+        setup = EnvironmentSetup(
+            members=(p1.name,), interference=name, processors=p1.vps, memory=LEAST_MEMORY, limit=100, weight=100
+        )
+        room = replace(room, claims=())
+        parts = processors_of_load(room, setup, load, most)
+        share = load_share(room, setup, int(p1.reserve), parts)
+        assert share is not None
+    else:
+        parts, share = share_next_to_layout(room, load, LEAST_MEMORY, most)
+    for vps, (part, reserve) in zip(parts, share.reserves.items(), strict=True):
         loads = (model_load(load, reserve),)
-        yield VirtualMachine(name=part, vps=lps, reserve=reserve, weight=P2_WEIGHT, loads=loads)
+        yield VirtualMachine(name=part, vps=vps, reserve=reserve, weight=P2_WEIGHT, loads=loads)
 
 
 def responses(machines: tuple[VirtualMachine, ...], seed: int, lps: int = LPS) -> dict[str, list[float]]:

@@ -278,7 +278,9 @@ def test_waiting_without_processor_time_is_a_warning(settings: tuple[Setting, ..
 
 def share(takes: float, shared: float = 2.0) -> LoadShare:
     """Of a load on two processors, of which all partitions can use so much together."""
-    return LoadShare(reserve=round(50 * takes), processors=Fraction(takes), others=Fraction(shared) - Fraction(takes))
+    return LoadShare(
+        reserve=round(50 * takes), reserves={}, processors=Fraction(takes), others=Fraction(shared) - Fraction(takes)
+    )
 
 
 QUIET = SettingEvidence(elapsed_ms=10_000, cpu_ms={P1: 12_000.0, P2: 7_900.0}, stolen_ms=100, waiting_ms=9_000.0)

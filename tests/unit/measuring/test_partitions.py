@@ -16,12 +16,15 @@ from rarms_iac.measuring.partitions import (
     load_share,
     memory_for_load,
     other_running_partitions,
+    processors_of_load,
     running_test_partitions,
     set_reserves,
     shapes_of_test_partitions,
+    share_next_to_layout,
 )
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.setting import P1, P2, EnvironmentSetup, SettingEvidence
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, Interference
+from rarms_iac.model.setting import P1, P2, P2_SECOND, EnvironmentSetup, SettingEvidence
 from rarms_iac.model.state import RunState, State
 from rarms_iac.providers.cgroups.definitions import slice_limit
 from rarms_iac.providers.interface import HostRefused
@@ -32,7 +35,7 @@ from tests.builders_plan import facts, partition, settings
 SETUP = EnvironmentSetup(
     members=("vision",), interference="busy-loop", processors=1, memory=memory("512 MiB"), limit=80, weight=200
 )
-SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
+SHAPES = shapes_of_test_partitions(SETUP, memory("256 MiB"), (2,))
 
 
 def the_host(folder: Path) -> SimulatedHostProvider:
@@ -80,7 +83,7 @@ def test_one_partition_goes_if_other_is_refused(tmp_path: Path) -> None:
     host = the_host(tmp_path)
     with (
         pytest.raises(HostRefused, match="needs"),
-        running_test_partitions(host, "robot", (SHAPES[0], *load_shapes(2, memory("4 GiB"), 1))),
+        running_test_partitions(host, "robot", (SHAPES[0], *load_shapes(memory("4 GiB"), (2,)))),
     ):
         raise AssertionError("P2 has no room")
 
@@ -130,6 +133,47 @@ def test_p2_gets_what_the_host_keeps() -> None:
     assert not room.unreserved
 
 
+def shares(room: MeasuringResources, load: Interference, reserve: int, processors: int) -> dict[str, int]:
+    setup = a_setup(processors=processors)
+    share = load_share(room, setup, reserve, processors_of_load(room, setup, load, 2))
+    assert share is not None
+    return dict(share.reserves)
+
+
+BURSTS = LOADS_WITHOUT_ENTRY["bursts-20"]
+
+
+def test_second_part_reserves_processors_that_p1_has_no_vp_on() -> None:
+    """P1 has one of two: P2 can reserve no more of each LP than P1 leaves of its own."""
+    room = the_room()
+
+    assert processors_of_load(room, a_setup(processors=1), BURSTS, 2) == (2, 1)
+    assert shares(room, BURSTS, 48, processors=1) == {P2: 52, P2_SECOND: 48}
+    assert shares(room, BusyLoop(), 48, processors=1) == {P2: 52, P2_SECOND: 48}
+    share = load_share(room, a_setup(processors=1), 48, (2, 1))
+    assert share is not None
+    assert (share.processors, share.others) == (Fraction(152, 100), Fraction(48, 100))
+
+
+def test_parts_divide_the_rest_where_p1_has_every_processor() -> None:
+    room = the_room()
+
+    assert shares(room, BusyLoop(), 47, processors=2) == {P2: 27, P2_SECOND: 26}
+    assert shares(room, BURSTS, 47, processors=2) == {P2: 53}
+
+
+def test_load_next_to_layout_reserves_processors_without_a_partition() -> None:
+    alone = the_room(partition(settings("eyes", reserve=48, processors=1, running=True)))
+    everywhere = the_room(partition(settings("eyes", reserve=48, processors=2, running=True)))
+
+    for room, parts, reserves in (
+        (alone, (2, 1), {P2: 52, P2_SECOND: 48}),
+        (everywhere, (2,), {P2: 52}),
+    ):
+        found, share = share_next_to_layout(room, BURSTS, 0, 2)
+        assert (found, share.reserves) == (parts, reserves)
+
+
 def test_a_linux_load_gets_what_the_slice_leaves() -> None:
     """Of 2 LPs 10 % are kept: partitions use 1.8 LP together, and a P1 of 0.2 LP leaves 1.6 to the load."""
     host = replace(a_host(keep_processor="10 %"), provider=ProviderKind.LINUX)
@@ -137,7 +181,7 @@ def test_a_linux_load_gets_what_the_slice_leaves() -> None:
 
     small = load_share(room, a_setup(), 10)
 
-    assert small == LoadShare(reserve=80, processors=Fraction(8, 5), others=Fraction(1, 5))
+    assert small == LoadShare(reserve=80, reserves={P2: 80}, processors=Fraction(8, 5), others=Fraction(1, 5))
     assert slice_limit(host, 2) == 180
     undisturbed = SettingEvidence(elapsed_ms=1000.0, cpu_ms={P1: 190.0, P2: 1590.0})
     assert disturbance(undisturbed, 2, small) == ""
