@@ -122,7 +122,7 @@ def is_steady(load: Interference) -> bool:
 
 
 LONG_CYCLE = Milliseconds(Fraction(100))
-"""Bursts that come so seldom, or more seldom, run in two partitions: the window that a scheduler remembers."""
+"""Bursts with this period or a longer one are divided: the window that a scheduler remembers."""
 
 
 def load_parts(load: Interference, processors: int) -> int:
