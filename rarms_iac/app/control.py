@@ -49,6 +49,7 @@ class WorkBegun:
 
     units: int
     more_follows: bool = False  # a later pass measures the same again, more precisely
+    at_most: bool = False  # answers may end the work earlier
 
 
 UnitEnding = Literal["met", "provisional", "missed", "inconclusive", "no answer", "measured", "too many failed samples"]
@@ -61,6 +62,7 @@ class UnitValue:
     index: str
     value: float
     threshold: Threshold
+    component: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +70,7 @@ class FinishedUnit:
     """A unit of work with its result: components with one load."""
 
     number: int  # from 1
-    of: int
+    of: int  # of tuning at most; it falls as answers rule out others
     subject: str  # the components
     load: str  # empty: none
     reserved_lp: Fraction | None = None  # the answer; None: there is none

@@ -105,7 +105,6 @@ class TerminalTuningPrompt(TuningProgress):
     def allows(self, members: Members, settings: int, gain: int) -> bool:
         """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked again."""
         if self._asks and members not in self._consents:
-            self.ended()
             question = questions.combination_question(members, settings, gain)
             self._consents[members] = ask_yes_or_no(self._session, question)
         return self._consents.get(members, True)
@@ -124,7 +123,6 @@ class TerminalCombiningPrompt(TerminalTuningPrompt):
 
     def confirms(self, found: TuningResult) -> bool:
         """Show the partitions, and ask."""
-        self.ended()
         self._session.terminal.talk(tuned_text(found))
         return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 

@@ -85,14 +85,14 @@ def next_experiment(
         return None
     floor = (results[-1].reserve if results else None) or 0
     if len(results) < len(experiments):
-        experiment = _after(results, experiments[len(results)])
+        experiment = after_loads(results, experiments[len(results)])
         return experiment, replace(method, floor=floor) if isinstance(method, Search | FirstPass) else method
     if not isinstance(method, Search) or is_of_paper(method):
         return None
     for number, result in enumerate(results):
         if result.reserve == floor and result.conditions and not result.is_confirmed:
             others = (*results[:number], *results[number + 1 :])
-            return _after(others, experiments[number]), replace(method, floor=floor, confirms=True)
+            return after_loads(others, experiments[number]), replace(method, floor=floor, confirms=True)
     return None
 
 
@@ -127,7 +127,7 @@ def _new(before: ExperimentResult, further: ExperimentResult) -> int:
     return max(before.new + len(further.settings) - len(before.settings), further.new)
 
 
-def _after(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
+def after_loads(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:
     """Charge the budget with the time of settings under the earlier loads, which share it."""
     spent_ms: defaultdict[ReservePercent, float] = defaultdict(float)
     for setting in (setting for result in results for setting in result.settings):

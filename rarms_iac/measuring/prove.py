@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Literal
 
-from rarms_iac.app.control import UNATTENDED, Control, FinishedUnit, UnitEnding, WorkBegun
+from rarms_iac.app.control import UNATTENDED, Control, FinishedUnit, UnitEnding, UnitValue, WorkBegun
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.requests import flag, load_host_option, lock_timeout_option, option, refuse_unknown
@@ -257,10 +257,17 @@ def continue_command(outcome: ProveOutcome, request: ProveRequest, hosts: Sequen
 
 
 def _unit_of(proof: LayoutProof, number: int, of: int) -> FinishedUnit:
-    """Return the report of a layout's proof with one load."""
+    """Return the report of a layout's proof with one load: of a miss the values that miss, else all."""
     words = [verdict_word(each.verdict) for each in proof.verdicts]
     ending: UnitEnding = "missed" if "missed" in words else "met" if set(words) <= {"met"} else "inconclusive"
-    return FinishedUnit(number=number, of=of, subject=proof.host, load=proof.interference or "no load", ending=ending)
+    shown = [each.measured for each, word in zip(proof.verdicts, words, strict=True) if word == ending]
+    values = (
+        UnitValue(index=each.index, value=each.estimate.value, threshold=each.threshold, component=each.component)
+        for each in shown
+        if each.estimate is not None
+    )
+    load = proof.interference or "no load"
+    return FinishedUnit(number=number, of=of, subject=proof.host, load=load, values=tuple(values), ending=ending)
 
 
 def _looking(announced: Announced, clock: Callable[[], float]) -> Callable[[float], None]:

@@ -29,8 +29,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.version import __version__
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.combining.candidates import candidates_of
-from rarms_iac.planner.combining.oracle import WHOLE, Always, Coi, Consent, PlannerReporter, SilentReporter, total
+from rarms_iac.planner.combining.oracle import Always, Coi, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import describe_ways_out, plan_layout, relaxed_levels
@@ -221,7 +220,14 @@ def _search_held(session: MeasuringSession, request: TuneRequest, prompt: Tuning
         if not request.on_busy_host:
             states = {name: stopped_to_measure(state, session.application) for name, state in states.items()}
         subject = subject_of_tuning(hosts, host, states)
-        oracle = Experiments(subject=subject, session=held, strategy=request.strategy, samples=request.samples)
+        number = len(subject.cois)
+        oracle = Experiments(
+            subject=subject,
+            session=held,
+            strategy=request.strategy,
+            samples=request.samples,
+            most_pairs=number * (number - 1) // 2 if request.repeat else number - 1,
+        )
         inquiry = Inquiry(oracle=oracle, reporter=prompt, consent=prompt, may_share=subject.may_share)
         end = search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
     return replace(end, findings=(*oracle.work_findings(hosts.manifest.places), *still_stopped))
@@ -251,7 +257,7 @@ def tuning_findings(end: TuningConclusion, strategy: TuningStrategy, places: Pla
         need = f"The partitions need {reserved}{_fixed_part(end.subject)}; the capacity is {capacity}"
         message = f"{need}. No {asked} combination fits."
         ways, advice = _ways_out(end.subject, strategy, places)
-        if strategy == "paper" and len(candidates_of(end.subject.cois, end.subject.may_share, most=WHOLE).by_mask) > 1:
+        if strategy == "paper" and len(end.subject.candidates().by_mask) > 1:
             default = _tune_again(end.subject)
             advice = prose(advice, "\nOr try other combinations with the default strategy: ", default, ".")
         if limits := _limits_on_combining(end.subject):

@@ -6,10 +6,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from rarms_iac.app.control import WorkBegun
 from rarms_iac.app.data_logs import measured_reservations
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
+from rarms_iac.measuring.duration import Announced, least_ms
+from rarms_iac.measuring.each_load import after_loads
 from rarms_iac.measuring.findings import why_out_of_memory
 from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
 from rarms_iac.measuring.other_work import work_of_settings
@@ -18,6 +21,7 @@ from rarms_iac.measuring.passes import begin_with_hardest
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession, no_measurable_host
 from rarms_iac.measuring.strategies import ThresholdCheck
+from rarms_iac.measuring.units import unit_of_question
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.experiment import Experiment, ProcessorNumber, ProcessorSource, experiments_of
@@ -28,7 +32,7 @@ from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import planning_findings
-from rarms_iac.planner.combining.candidates import Contradiction, candidates_of
+from rarms_iac.planner.combining.candidates import Candidates, Contradiction, candidates_of, informed
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
@@ -40,8 +44,8 @@ from rarms_iac.planner.combining.oracle import (
     processors_of,
     total,
 )
-from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
-from rarms_iac.planner.combining.questions import Best, search, tuning_of
+from rarms_iac.planner.combining.paper import MOST_OF_PAIR, Inquiry, ordered, tune_performance_to_use_less_resource
+from rarms_iac.planner.combining.questions import Best, most_questions, search, tuning_of
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
@@ -123,6 +127,15 @@ class TuningSubject:
         number = ProcessorNumber(number=processors_of(parts), source=ProcessorSource.MEMBERS)
         found = experiments_of(self.system, self.host, members, loads, samples)
         return tuple(each if each.fixes_processors else each.with_processors(number) for each in found)
+
+    @property
+    def most(self) -> int:
+        """The highest CR that the host can give to each of them, in per cent of its processors."""
+        return min((self.highest(coi.members) for coi in self.cois), default=WHOLE)
+
+    def candidates(self) -> Candidates:
+        """Return the compounds that the default strategy may measure, before anything is asked."""
+        return candidates_of(self.cois, self.may_share, most=self.most)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
         """Return the measure of a layout's worth here; `layout_fit` says which ones the hosts can keep.
@@ -319,6 +332,9 @@ class Experiments:
     session: MeasuringSession  # it holds the host that compounds are measured on
     strategy: TuningStrategy = "default"  # by which it is asked
     samples: int | None = None  # of each component; None: as its `run.until` says
+    most_pairs: int = 0  # that the paper's procedure may try
+    _units: int = 0  # settings, each with one load, that ended
+    _answers: list[TrailSetting] = field(default_factory=list)
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
     _unresolved: set[tuple[Members, int]] = field(default_factory=set)
     _measured_with: dict[tuple[Members, str], ExperimentResult] = field(default_factory=dict)  # members and load
@@ -363,16 +379,57 @@ class Experiments:
             raise Unanswered(
                 f"A measurement of {names} needs {reserve} % of their VPs, but the host can give only {highest} %."
             )
-        experiments = self.subject.experiments(members, self.strategy, self.samples)
+        experiments = begin_with_hardest(self.subject.experiments(members, self.strategy, self.samples))
         if not self._measured_with:
-            self.session.control.reporter.message(_describe_work(self.subject, self.strategy, experiments))
-        for experiment in begin_with_hardest(experiments):  # a miss ends the question
-            if worse := self._worse_with_load(experiment, members, reserve):
-                return worse
-        return frozenset()
+            self._begin(experiments)
+        results: list[ExperimentResult] = []
+        worse: frozenset[str] = frozenset()
+        for number, each in enumerate(experiments, 1):
+            result, worse = self._worse_with_load(after_loads(results, each), members, reserve)
+            results.append(result)
+            is_last = bool(worse) or number == len(experiments)
+            if is_last:
+                self._answers.append(TrailSetting(components=members, reserve=reserve, worse=tuple(sorted(worse))))
+            left = self._most_left() * len(experiments) - (0 if is_last else number)
+            self._units += 1
+            unit = unit_of_question(
+                result,
+                reserve,
+                worse,
+                unresolved=(members, reserve) in self._unresolved,
+                number=self._units,
+                of=self._units + left,
+            )
+            self.session.control.reporter.settings.unit_ended(unit)
+            if is_last:
+                break
+        return worse
 
-    def _worse_with_load(self, experiment: Experiment, members: Members, reserve: ReservePercent) -> frozenset[str]:
-        """Return the members that miss a threshold under one load: to pass all loads is to pass each."""
+    def _begin(self, experiments: Sequence[Experiment]) -> None:
+        """Report how much work there is at most.
+
+        Args:
+            experiments: of the first combination, one a load.
+        """
+        settings, reporter = self._most_left(), self.session.control.reporter
+        window_ms = self.session.host_of(experiments[0]).scheduler_memory_ms
+        least = sum(least_ms(each, each.load, window_ms) for each in experiments)
+        longest = settings * max(least, experiments[0].budget.most_ms)
+        reporter.message(_describe_work(self.subject, self.strategy, experiments, settings, longest))
+        announced = Announced(work="Tuning", most_ms=longest, say=reporter.message)
+        self.session = replace(self.session, announced=announced)
+        reporter.settings.work_begun(WorkBegun(units=settings * len(experiments), at_most=True))
+
+    def _most_left(self) -> int:
+        """Return the number of settings that may yet be asked for, each with all loads."""
+        if self.strategy == "paper":
+            return self.most_pairs * MOST_OF_PAIR - len(self._answers)
+        return most_questions(informed(self.subject.candidates(), self._answers))
+
+    def _worse_with_load(
+        self, experiment: Experiment, members: Members, reserve: ReservePercent
+    ) -> tuple[ExperimentResult, frozenset[str]]:
+        """Return the result and the members that miss a threshold: to pass all loads is to pass each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         self._measured_with[members, result.interference] = result
         match result.conclusion:
@@ -391,24 +448,34 @@ class Experiments:
         # What was shown to be missed at a higher CR is shown here, too.
         if worse and reserve > highest_missed(curves):
             self._unresolved.add((members, reserve))
-        return worse
+        return result, worse
 
 
-def _describe_work(subject: TuningSubject, strategy: TuningStrategy, experiments: Sequence[Experiment]) -> str:
-    """Return the sentence with which tuning begins; the time of all is not known, as each answer decides what follows.
+def _describe_work(
+    subject: TuningSubject,
+    strategy: TuningStrategy,
+    experiments: Sequence[Experiment],
+    settings: int,
+    longest_ms: float,
+) -> str:
+    """Return the sentence with which tuning begins: the most that there is to do, as each answer decides what follows.
 
     Args:
         experiments: of the first combination, one a load.
+        settings: that may be asked for, each with all loads.
+        longest_ms: that all of them may take, by the host's clock.
     """
-    host, budget = subject.host, show_duration(experiments[0].budget.most_ms)
-    simulated = " (simulated)" if host.provider is ProviderKind.SIMULATED else ""
+    host = subject.host
+    simulated, clock = "", ""
+    if host.provider is ProviderKind.SIMULATED:
+        simulated, clock = " (simulated)", " of host time"
     loads = f" x {counted(len(experiments), 'load')}" if len(experiments) > 1 else ""
-    most = "one combination after another"
+    most = counted(settings, "setting")
     if strategy != "paper":
-        number = len(candidates_of(subject.cois, subject.may_share, most=WHOLE).by_mask)
-        most = f"at most {counted(number, 'combination')}"
+        most = f"{counted(len(subject.candidates().by_mask), 'combination')}, {most}"
     partitions = counted(len(subject.cois), "partition")
-    return f"Tuning {partitions}{loads} on {host.name}{simulated}: {most}, at most {budget} for a setting."
+    longest = f"about {show_duration(longest_ms)}{clock}"
+    return f"Tuning {partitions}{loads} on {host.name}{simulated}: at most {most}, {longest}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -515,10 +582,9 @@ def _by_the_paper(start: TuningConclusion, inquiry: Inquiry, *, repeat: bool) ->
 
 def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion:
     subject = start.subject
-    most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
     layout_fit = LayoutFit(subject=subject)
     tuning = replace(
-        tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=most),
+        tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=subject.most),
         predict=subject.predict,
     )
     recorded = recorded_answers(

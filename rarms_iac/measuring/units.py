@@ -1,6 +1,6 @@
 """Units of work of `rarms measure`: a partition with one load. Each is reported when it ends. Begin at `Units`."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from math import isinf
 
@@ -52,6 +52,27 @@ def unit_of(result: ExperimentResult, number: int, of: int) -> FinishedUnit:
     )
 
 
+def unit_of_question(
+    result: ExperimentResult, reserve: int, worse: Collection[str], *, unresolved: bool, number: int, of: int
+) -> FinishedUnit:
+    """Return the report of a setting that tuning asked for, under one load.
+
+    Args:
+        worse: the components that were not shown to meet their thresholds.
+        unresolved: none of them was shown to miss one.
+    """
+    shown = [each for each in _values(result, reserve) if not worse or each.component in worse]
+    return FinishedUnit(
+        number=number,
+        of=max(of, number),
+        subject=result.experiment.name,
+        load=result.interference,
+        reserved_lp=guaranteed(reserve, result.experiment.setup.processors),
+        values=tuple(shown),
+        ending="inconclusive" if unresolved else "missed" if worse else "met",
+    )
+
+
 def _ending(result: ExperimentResult) -> UnitEnding:
     match result.conclusion:
         case Sufficient() if result.is_weak:
@@ -78,7 +99,9 @@ def _values(result: ExperimentResult, reserve: int) -> tuple[UnitValue, ...]:
             if result.is_provisional and estimated is not None:
                 value = None if isinf(estimated.value) else estimated.value
             if value is not None and index.threshold is not None:
-                found.append(UnitValue(index=index.index, value=value, threshold=index.threshold))
+                found.append(
+                    UnitValue(index=index.index, value=value, threshold=index.threshold, component=index.component)
+                )
     return tuple(found)
 
 
@@ -100,7 +123,9 @@ def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str
     most_loads = max(len(group) for group in groups)
     loads = f" x {most_loads} loads" if most_loads > 1 else ""
     usual_ms = _usual_ms(groups)
-    return f"Measuring {components}{loads} on {names}: {forecast(usual_ms, usual_ms if quick else longest_ms(groups))}."
+    clock = " of host time" if any(hosts.values()) else ""  # a simulated host's clock is not the user's
+    time = forecast(usual_ms, usual_ms if quick else longest_ms(groups))
+    return f"Measuring {components}{loads} on {names}: {time}{clock}."
 
 
 def _usual_ms(groups: Sequence[Sequence[Experiment]]) -> float:

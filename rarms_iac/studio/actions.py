@@ -169,9 +169,7 @@ class TuneAction(Action):
         hosts = workspace.hosts()
         control = _measuring(transcript, stop, stops=self.stop_partitions, on_busy_host=self.on_busy_host)
         request = TuneRequest(dry_run=self.dry_run, on_busy_host=self.on_busy_host)
-        prompt = WatchedTuning(transcript.say)
-        result = tune_components(hosts, request, control, prompt)
-        prompt.ended()
+        result = tune_components(hosts, request, control, WatchedTuning(transcript.say))
         for sentence in manifest_changes(result):
             transcript.message(sentence)
         transcript.findings(result.findings, hosts.manifest.sources)

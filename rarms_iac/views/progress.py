@@ -14,6 +14,7 @@ from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.setting import Setting
+from rarms_iac.model.system import Threshold
 from rarms_iac.running.reading import describe_skipped
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
@@ -58,7 +59,7 @@ class MeasuringProgress(MeasuringReporter):
         self._said = self._unit_began = clock()
         self._units = self._ended = 0
         self._took: tuple[float, ...] = ()  # seconds of each unit of this pass
-        self._more_follows = False
+        self._more_follows = self._at_most = False
         self._provisional: dict[str, str] = {}  # answers of the first pass, by their subject
 
     def work_begun(self, work: WorkBegun) -> None:
@@ -66,7 +67,7 @@ class MeasuringProgress(MeasuringReporter):
         if self._provisional:
             answers = ", ".join(f"{name} {answer}" for name, answer in self._provisional.items())
             self._say(paragraph(f"First pass: {answers}."))
-        self._more_follows, self._provisional = work.more_follows, {}
+        self._more_follows, self._at_most, self._provisional = work.more_follows, work.at_most, {}
         self._units, self._ended, self._took = work.units, 0, ()
         self._unit_began = self._clock()
 
@@ -163,7 +164,7 @@ class MeasuringProgress(MeasuringReporter):
         quick, slow = ordered[len(ordered) // 4], ordered[-1]
         rest, running = self._units - self._ended, self._clock() - self._unit_began
         least, most = (max(0.0, 1000 * (rest * each - min(running, each))) for each in (quick, slow))
-        return f", {forecast(least, most)} left" if most else ""
+        return f", {forecast(0.0 if self._at_most else least, most)} left" if most else ""
 
     def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
         """Write the experiment's time left at the speed so far; during the first setting, that setting's."""
@@ -184,7 +185,8 @@ def unit_line(unit: FinishedUnit) -> str:
         each = max(unit.values, key=lambda value: share_of_threshold(value.value, value.threshold))
         index = index_named(each.index)
         bound = show_bound(index, each.threshold)
-        value = f"{short_name(index)} {show_value(index, each.value, each.threshold)} {bound}"
+        whose = "" if each.component == unit.subject else f"{each.component} "
+        value = f"{whose}{short_name(index)} {show_value(index, each.value, each.threshold)} {bound}"
     words = (unit.subject, unit.load, amount, value, unit.ending)
     return f"[{unit.number}/{unit.of}] {'  '.join(filter(None, words))}"
 
@@ -219,7 +221,7 @@ def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
     """Return the values alone: `mean 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
         f"{index.component if several else short_name(index_named(index.index))} "
-        f"{show_value(index_named(index.index), index.estimate.value)}"
+        f"{show_value(index_named(index.index), index.estimate.value, index.threshold)}"
         for index in indexes
         if index.estimate is not None
     ]
@@ -262,9 +264,10 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
 def _summary_text(ran: ComponentRunResult) -> "RenderableType":
     """Return the result of the samples: a line, and a row for each index of the APT."""
     verdicts = {index: f"{verdict_word(verdict)} in this run" for index, verdict in ran.verdicts.items()}
-    bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
+    apt = ran.component.apt
+    bounds = {index: show_bound(index_named(index), threshold) for index, threshold in apt.items()}
     rows = [
-        (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
+        (index, _estimate(index, estimate, apt.get(index)), bounds.get(index, ""), verdicts.get(index, ""))
         for index, estimate in ran.estimates.items()
     ]
     skipped = ran.skipped_lines
@@ -287,12 +290,12 @@ def _head(ran: ComponentRunResult) -> str:
     return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}"
 
 
-def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
+def _estimate(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> str:
     match estimate:
         case NoEstimate(reason=reason):
             return reason
         case Estimate():
-            return show_estimate(index, estimate)
+            return show_estimate(index, estimate, threshold)
 
 
 FAILURE_LINES = 10

@@ -1,18 +1,16 @@
-"""`rarms tune`: a line for each compound that is measured, and the partitions that it leaves."""
+"""`rarms tune`: a line for each compound that is found, and the partitions that it leaves."""
 
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.tune import TuningResult
 from rarms_iac.model.commands import PLAN, prose
-from rarms_iac.model.quantities import guaranteed
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Coi, Members, SilentReporter
-from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
+from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
 from rarms_iac.texts.messages import in_a_row
-from rarms_iac.texts.quantities import show_lp_percent, show_processors
+from rarms_iac.texts.quantities import show_lp_percent
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.table import Column, Table
 
@@ -21,54 +19,20 @@ if TYPE_CHECKING:
 
 
 class TuningProgress(SilentReporter):
-    """A `PlannerReporter` that writes to a person. How many settings follow is not known before they are answered."""
+    """A `PlannerReporter` that writes to a person. `MeasuringProgress` writes the settings."""
 
     def __init__(self, say: Callable[["RenderableType"], None]) -> None:
         self._say = say
-        self._compounds = 0
-        self._answers: list[TrailSetting] = []  # of the compound that is asked for now
-
-    def setting_answered(self, answer: TrailSetting) -> None:
-        """Write the compound before, once another one is asked for."""
-        if self._answers and self._answers[-1].components != answer.components:
-            self.ended()
-        self._answers.append(answer)
-
-    def ended(self) -> None:
-        """Write `[3] speech+vision  0.7 LP  met` of the compound that was asked for last."""
-        if self._answers:
-            self._compounds += 1
-            self._say(paragraph(f"[{self._compounds}] {compound_line(self._answers)}", more=4))
-            self._answers = []
 
     def declined(self, members: Members) -> None:
         """Say that it is left out."""
-        self.ended()
         self._say(paragraph(f"Not combined: {in_a_row(members)}."))
 
     def combined(self, compound: Coi, before: int) -> None:
         """Say what it brought."""
-        self.ended()
         names = in_a_row(compound.members)
         separate, together = show_lp_percent(before), show_lp_percent(compound.cost)
         self._say(paragraph(f"Combined: {names}, {separate} apart and {together} together."))
-
-
-def compound_line(answers: Sequence[TrailSetting]) -> str:
-    """Write the least setting that is enough, or else the highest that is not, and who missed there."""
-    enough = [answer for answer in answers if answer.met]
-    by_reserve = attrgetter("reserve")
-    shown = min(enough, key=by_reserve) if enough else max(answers, key=by_reserve)
-    amount = show_processors(guaranteed(shown.reserve, shown.processors))
-    return "  ".join(("+".join(shown.components), amount, answer_text(shown)))
-
-
-def answer_text(answer: TrailSetting) -> str:
-    """Write whether a setting is enough for the components together; of one that is not, name it."""
-    if answer.met:
-        return "met"
-    word, preposition = ("inconclusive", "for") if answer.unresolved else ("missed", "by")
-    return f"{word} {preposition} {answer.worse[0]}" if len(answer.worse) == 1 else word
 
 
 def tuned_text(result: TuningResult) -> "RenderableType":

@@ -128,8 +128,6 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Cont
     except SessionEnded:
         session.terminal.tell(prose("Ended. Results are saved; ", command("tune"), " continues combining."))
         return session.interrupts.exit_code or ExitCode.DONE
-    finally:
-        prompt.ended()
     if result is None:
         return ExitCode.DONE
     for sentence in manifest_changes(result):
@@ -172,8 +170,6 @@ def tune_command(
         result = tune_components(hosts, request, measuring_control(session, stop_partitions=stops), prompt)
     except SessionEnded:
         return stopped(session)
-    finally:
-        prompt.ended()
     for sentence in manifest_changes(result):
         session.terminal.tell(sentence)
     tell(session.terminal, result.findings, hosts.manifest.sources)

@@ -25,6 +25,9 @@ UNABLE = "Unable to reduce total CPU reservation by combining CoIs"
 STEP = 10
 """CMCPUR: 10, 20, ... 100 %."""
 
+MOST_OF_PAIR = 1 + WHOLE // STEP
+"""Settings that the procedure asks for a pair at most: the sum of both, then CMCPUR."""
+
 Sharing = Callable[[Members], bool]
 """Whether these may be in one partition: what `apart` and `dedicated` forbid is not tried."""
 
@@ -157,7 +160,7 @@ def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[TrailSet
     members, processors = union(*pair), processors_of(pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
     gain = total(pair) - max(coi.cost for coi in pair)
-    allowed = inquiry.may_share(members) and inquiry.consent.allows(members, 1 + WHOLE // STEP, gain)
+    allowed = inquiry.may_share(members) and inquiry.consent.allows(members, MOST_OF_PAIR, gain)
     if not allowed:
         inquiry.reporter.declined(members)
         return None

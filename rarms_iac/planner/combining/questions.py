@@ -137,6 +137,18 @@ def next_decision(tuning: Tuning, answers: Sequence[TrailSetting]) -> Decision:
     )
 
 
+def most_questions(candidates: Candidates) -> int:
+    """Return how many settings the search may still ask for at most.
+
+    Each compound that may save something is halved; one question more is asked below its prediction.
+
+    Args:
+        candidates: with what the answers so far say.
+    """
+    undecided = (each for each in candidates.by_mask.values() if each.is_gain and not each.is_known)
+    return sum((each.highest_open - each.low + 1).bit_length() + (each.passed is None) for each in undecided)
+
+
 def _next_question(candidate: Candidate, predict: Predict) -> NextSetting:
     """Ask half-way between the bounds; until a CR was enough, just below the prediction where that is higher."""
     reserve = (candidate.low + candidate.highest_open) // 2

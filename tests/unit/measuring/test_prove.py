@@ -207,6 +207,8 @@ def test_each_load_of_policy_is_proven_and_recorded(here: Path) -> None:
     announced = " ".join(several.err.split())
     begins = "Proof on onboard (simulated) with busy-loop and bursts-20, using all idle time: at least 16 starts"
     assert re.search(re.escape(f"{begins} of all components, ") + r"[^.]*of host time\.", announced), announced
+    lines = re.findall(r"^\[(\d/\d)\] onboard  ([\w-]+)  \w+ \w+ [\d.]+ .* (\w+)$", several.err, re.MULTILINE)
+    assert lines == [("1/2", "busy-loop", "met"), ("2/2", "bursts-20", "met")], several.err
     again = " ".join(prove("--interference", "busy-loop").err.split())
     assert re.search(r": at least 8 starts of all components, about [0-9.]+ m?s\.", again), again
 

@@ -11,7 +11,7 @@ from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition
 from rarms_iac.views.console import render
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.reports.tables import trail_table
-from rarms_iac.views.tune import TuningProgress, tuned_text
+from rarms_iac.views.tune import tuned_text
 from tests.builders_measured import TUNED
 from tests.unit.views.test_json import check
 
@@ -65,20 +65,3 @@ def test_written_layout_is_to_be_planned_next() -> None:
 
     assert "Next: " not in render(tuned_text(result))
     assert render(tuned_text(replace(result, files=("rarms.yaml",)))).endswith("Next: `rarms plan`\n")
-
-
-def test_compound_is_a_numbered_line() -> None:
-    said: list[str] = []
-    progress = TuningProgress(lambda text: said.append(render(text)))
-
-    for members, reserve, worse in (("ab", 40, "a"), ("ab", 60, ""), ("ab", 45, ""), ("ac", 30, "c"), ("ac", 40, "ac")):
-        answer = TrailSetting(
-            components=tuple(members), reserve=reserve, worse=tuple(worse), predicted=44, processors=2
-        )
-        progress.setting_answered(answer)
-    progress.ended()
-
-    assert said == [
-        "[1] a+b  0.9 LP  met\n",
-        "[2] a+c  0.8 LP  missed\n",
-    ]

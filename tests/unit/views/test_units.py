@@ -1,7 +1,10 @@
 """The lines of units of work: one when each ends, and the time that the others may take."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+
+import pytest
 
 from rarms_iac.app.control import FinishedUnit, UnitValue, WorkBegun
 from rarms_iac.measuring.units import describe_work
@@ -11,7 +14,7 @@ from rarms_iac.views.console import render
 from rarms_iac.views.progress import MeasuringProgress, unit_line
 from tests.builders import a_component, a_host, a_system
 
-P99 = UnitValue(index="p99_response_time", value=390.0, threshold=AtMost(value=Fraction(400)))
+P99 = UnitValue(index="p99_response_time", value=390.0, threshold=AtMost(value=Fraction(400)), component="vision")
 
 
 def a_unit(number: int) -> FinishedUnit:
@@ -28,6 +31,12 @@ def a_unit(number: int) -> FinishedUnit:
 
 def test_line_of_a_unit() -> None:
     assert unit_line(a_unit(3)) == "[3/12] vision  bursts-20  0.46 LP  p99 390 ms <= 400 ms  met"
+
+
+def test_line_of_a_compound_names_the_component() -> None:
+    compound = replace(a_unit(3), subject="speech+vision")
+
+    assert unit_line(compound) == "[3/12] speech+vision  bursts-20  0.46 LP  vision p99 390 ms <= 400 ms  met"
 
 
 def test_unit_without_answer_has_neither_value_nor_amount() -> None:
@@ -57,6 +66,32 @@ def test_first_pass_is_one_line() -> None:
     assert said == ["First pass: vision 0.46 LP, speech no answer.\n"]
 
 
+class Row:
+    """A live line that keeps what it shows."""
+
+    def __init__(self) -> None:
+        self.row: Sequence[str] = ()
+
+    def show(self, row: Sequence[str]) -> None:
+        self.row = row
+
+    def hide(self) -> None:
+        self.row = ()
+
+
+@pytest.mark.parametrize(("at_most", "left"), [(False, "about 10 min left"), (True, "at most about 10 min left")])
+def test_time_left_of_work_that_may_end_early(at_most: bool, left: str) -> None:
+    now, row = [0.0], Row()
+    progress = MeasuringProgress(lambda _content: None, lambda: now[0], row)
+    progress.work_begun(WorkBegun(units=12, at_most=at_most))
+    for number in (1, 2):
+        now[0] += 60.0
+        progress.unit_ended(a_unit(number))
+    progress.proof_samples_came("onboard", None, {})
+
+    assert row.row[-1].endswith(f", {left}")
+
+
 def test_beginning_names_the_work_and_its_bound() -> None:
     system = a_system(hosts=[a_host()], components=[a_component("vision"), a_component("speech")])
     groups = [
@@ -65,11 +100,11 @@ def test_beginning_names_the_work_and_its_bound() -> None:
     ]
 
     begins = "Measuring 2 components x 2 loads on onboard (simulated)"
-    assert describe_work(groups, quick=True) == f"{begins}: about 2 min."
-    assert describe_work(groups, quick=False) == f"{begins}: 2 min to about 5 h 22 min."
+    assert describe_work(groups, quick=True) == f"{begins}: about 2 min of host time."
+    assert describe_work(groups, quick=False) == f"{begins}: 2 min to about 5 h 22 min of host time."
 
 
 def test_line_has_the_value_nearest_to_its_threshold() -> None:
-    rate = UnitValue(index="success_rate", value=100.0, threshold=AtLeast(value=Fraction(60)))
+    rate = UnitValue(index="success_rate", value=100.0, threshold=AtLeast(value=Fraction(60)), component="vision")
 
     assert unit_line(replace(a_unit(3), values=(rate, P99))) == unit_line(a_unit(3))

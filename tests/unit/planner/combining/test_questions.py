@@ -13,7 +13,15 @@ from rarms_iac.planner.combining.candidates import Node, candidates_of, informed
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Best, NextSetting, NothingFits, next_decision, search, tuning_of
+from rarms_iac.planner.combining.questions import (
+    Best,
+    NextSetting,
+    NothingFits,
+    most_questions,
+    next_decision,
+    search,
+    tuning_of,
+)
 from rarms_iac.storage.datalog.decisions import TrailSetting
 
 
@@ -103,6 +111,29 @@ def needs_of(of: Sequence[Coi], chance: random.Random) -> dict[Members, int]:
             floor = max(found[tuple(name for name in names if name != omitted)] for omitted in names)
             found[names] = floor + chance.randint(0, max(1, (total(block) - floor) * 5 // 4))
     return found
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_questions_are_bounded(seed: int) -> None:
+    """With predictions at random; after each answer the bound of the others is at least one less."""
+    chance = random.Random(seed)
+    of = cois(**{name: chance.randint(10, 60) for name in "abcde"[: chance.randint(2, 5)]})
+    oracle = Needs(needs_of(of, chance))
+    predicted: dict[Members, int] = {}
+
+    def predict(members: Members, _processors: int) -> int:
+        return predicted.setdefault(members, chance.randint(1, 100))
+
+    minimise = chance.choice(list(Minimise))
+    tuning = replace(tuning_of(of, objective(of, chance.randint(60, 150), minimise), anyone), predict=predict)
+    answers: list[TrailSetting] = []
+    bounds = [most_questions(tuning.candidates)]
+    while isinstance(step := next_decision(tuning, answers), NextSetting):
+        worse = tuple(sorted(oracle.worse(step.members, step.reserve)))
+        answers.append(TrailSetting(components=step.members, reserve=step.reserve, worse=worse))
+        bounds.append(most_questions(informed(tuning.candidates, answers)))
+
+    assert all(later < earlier for earlier, later in itertools.pairwise(bounds)), bounds
 
 
 @pytest.mark.parametrize("minimise", list(Minimise))
