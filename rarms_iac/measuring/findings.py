@@ -142,7 +142,7 @@ def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
     """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`.
 
     Args:
-        measured: with its estimate, in the unit of the index.
+        measured: with its estimate.
 
     Returns:
         Words for a message; without an estimate the reason.
@@ -152,10 +152,11 @@ def show_index(measured: MeasuredIndex, *, helps: bool = True) -> str:
     if measured.estimate is None:
         return f"{measured.index} is not known: {measured.reason}"
     index = index_named(measured.index)
-    value = show_value(index, measured.estimate.value)
-    if measured.estimate.beyond is not None:
-        return f"{measured.index} {value} {describe_extreme(measured.estimate.beyond)}"
-    return f"{measured.index} {value} ({show_range(index, measured.estimate.lower, measured.estimate.upper)})"
+    estimate, threshold = measured.estimate, measured.threshold
+    value = show_value(index, estimate.value, threshold)
+    if estimate.beyond is not None:
+        return f"{measured.index} {value} {describe_extreme(estimate.beyond)}"
+    return f"{measured.index} {value} ({show_range(index, estimate.lower, estimate.upper, threshold)})"
 
 
 def index_facts(measured: MeasuredIndex) -> dict[str, Any]:

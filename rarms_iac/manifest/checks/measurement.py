@@ -8,17 +8,18 @@ from typing import Any
 from rarms_iac.manifest.checks.violation import Violation, check, component_check, violation
 from rarms_iac.model.commands import Prose, RecommendedCommand, command, prose
 from rarms_iac.model.host import SCHEDULER_WINDOW_MS, Host, ProviderKind
-from rarms_iac.model.indexes import SampleValue, find_index
+from rarms_iac.model.indexes import SampleValue, find_index, index_named, percentile_of
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
-from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
+from rarms_iac.model.system import AtLeast, AtMost, Component, Measured, System, Threshold, run_of
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.distributions import samples_needed
 from rarms_iac.statistics.steady_state import least_setting_ms
 from rarms_iac.texts.findings import MISSING, WRONG_VALUE, Finding
+from rarms_iac.texts.indexes import show_value
 from rarms_iac.texts.messages import Suggestions
-from rarms_iac.texts.quantities import show_milliseconds, show_processors
+from rarms_iac.texts.quantities import plain, show_milliseconds, show_processors
 
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than a setting allows")
 
@@ -215,23 +216,23 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
         yield violation(
             (*here, "apt", index),
             f"{subject}, but a setting has at most {{most_samples}}. rarms cannot show that the threshold is met.",
-            "Relax the threshold: use a lower percentile, or a less strict share of jobs.",
+            f"Relax the threshold: `{_strictest(index, component.apt[index])}`.",
             at_key=True,
             most_samples=MOST_SAMPLES,
             **facts,
         )
-    elif needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
+        return
+    if needed and (takes_ms := _least_setting_ms(system, component, float(needed * between))) > budget:
         yield violation(
             (*here, "apt", index),
-            f"{subject}. A setting with its {{loads:load}} then takes at least {{takes:duration}}, but "
-            "has a budget of {budget_ms:duration}.",
-            f"Raise the budget: `policy: {{ measuring: {{ setting: {ceil(2 * takes_ms / 60_000)} min }} }}`.",
+            f"{subject}. {_TAKES}",
+            f"Raise the budget: {_budget(2 * takes_ms)}.",
             at_key=True,
             takes=takes_ms,
             loads=len(system.loads_of([component.name])),
             **facts,
         )
-    elif isinstance(run.until, SampleCount) and run.until.samples < needed:
+    if isinstance(run.until, SampleCount) and run.until.samples < needed:
         yield violation(
             (*here, "run", "until"),
             (
@@ -248,14 +249,41 @@ def _samples_not_taken(system: System, component: Component, between: Fraction) 
 def _outlasts_budget(system: System, component: Component, between: Fraction) -> Iterator[Violation]:
     """Find `run.until` of a component that takes longer than the budget of a setting."""
     budget = system.policy.measuring.setting
-    if (lasts := _least_until(run_of(component), between)) > budget:
+    lasts = float(_least_until(run_of(component), between))
+    if lasts and (takes_ms := _least_setting_ms(system, component, lasts)) > budget:
         yield violation(
             ("components", component.name, "run", "until"),
-            '"{component}" needs {takes:duration} for `until`, but the budget of a setting is only {budget:duration}.',
-            "Lower `until`: a setting continues until its result is clear. Or raise `policy.measuring.setting`.",
-            takes=float(lasts),
-            budget=float(budget),
+            f'"{{component}}" needs {{until:duration}} for `until`. {_TAKES}',
+            f"Lower `until`: a setting continues until its result is clear. Or raise the budget: {_budget(takes_ms)}.",
+            until=lasts,
+            takes=takes_ms,
+            loads=len(system.loads_of([component.name])),
+            budget_ms=float(budget),
         )
+
+
+def _strictest(index: str, threshold: Threshold) -> str:
+    """Write the strictest threshold of this kind that as many samples show as a setting may have."""
+    for hundredths in range(1, 100):
+        bad = Fraction(hundredths, 100)
+        if percentile_of(index) is not None:
+            index = f"p{plain(100 - bad)}_response_time"
+        else:
+            threshold = AtLeast(value=100 - bad) if isinstance(threshold, AtLeast) else AtMost(value=bad)
+        if find_index(index) is not None and samples_needed(index, threshold) <= MOST_SAMPLES:
+            break
+    found = index_named(index)
+    return f"{index}: {{ {found.direction}: {show_value(found, threshold.value, threshold)} }}"
+
+
+_TAKES = (
+    "A setting with its {loads:load} then takes at least {takes:duration}, but has a budget of {budget_ms:duration}."
+)
+
+
+def _budget(least_ms: float) -> str:
+    """Write the entry that gives a setting so much time."""
+    return f"`policy: {{ measuring: {{ setting: {ceil(least_ms / 60_000)} min }} }}`"
 
 
 def _least_setting_ms(system: System, component: Component, samples_ms: float) -> float:
