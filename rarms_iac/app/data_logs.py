@@ -17,6 +17,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorNumber, Used, experiment_of, processor_number
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.loads import BUSY_LOOP, could_take_all
+from rarms_iac.model.outcomes import UncertainEstimate
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.setting import SHORT, Setting, most_used
 from rarms_iac.model.state import HostFacts, State
@@ -27,7 +28,7 @@ from rarms_iac.planner.planning_findings import NOT_VERIFIED
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of, to_be_measured
 from rarms_iac.planner.verdicts import LogOfLoad, MeasuredTogether, Names, NotMeasured, not_measured, with_curves
 from rarms_iac.statistics.curves import Curve, curve_of, highest_missed, least_reserve
-from rarms_iac.statistics.first_look import least_estimated
+from rarms_iac.statistics.first_look import least_estimated, uncertain_estimates
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import (
     ATTACHED_CONFINEMENT,
@@ -359,6 +360,7 @@ def _measured_together(
         processors_from=number.source,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         estimated=_estimated(log, group),
+        uncertain_at=lambda reserve: _uncertain(log, group, reserve),
         looks=sum(record.setting.first_pass for record in log.recorded),
         curves=curves,
         records=log,
@@ -378,6 +380,14 @@ def _estimated(log: DataLog, group: Group) -> ReservePercent | None:
         return None
     runs = {member.name: run_of(member) for member in group.members}
     return least_estimated(log.estimated, runs, {member.name: member.apt for member in group.members})
+
+
+def _uncertain(log: DataLog, group: Group, reserve: ReservePercent) -> tuple[UncertainEstimate, ...]:
+    """Return the estimates at a reservation that more samples may change most."""
+    runs = {member.name: run_of(member) for member in group.members}
+    apts = {member.name: member.apt for member in group.members}
+    at = [setting for setting in log.estimated if setting.reserve == reserve]
+    return tuple(each for setting in at for each in uncertain_estimates(setting.series, runs, apts))
 
 
 def _log_that_holds(

@@ -53,6 +53,7 @@ from rarms_iac.planner.problem import LayoutRefused
 from rarms_iac.planner.reservations import RecordedReservations, provisional_on, record
 from rarms_iac.storage.plan_file import identified, versions
 from rarms_iac.storage.shipped import known_codes
+from rarms_iac.texts.indexes import describe_uncertain
 from rarms_iac.texts.messages import in_a_row, quoted
 
 _WHOLE_PLAN_CODES = frozenset(known_codes()) - DOCTOR_ONLY_CODES
@@ -90,7 +91,7 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     planned = [_plan_host(request, desired, present) for desired in chosen]
     findings += [finding for _, _, of_host in planned for finding in of_host]
     if not request.accept_provisional:
-        findings += _provisional([part for part, _, _ in planned])
+        findings += _provisional(request, [part for part, _, _ in planned])
     addresses = [address for _, of_host, _ in planned for address in of_host]
     findings += unknown_targets([*addresses, *sorted(request.gone)], request.targets)
     codes = _WHOLE_PLAN_CODES if request.is_whole else CODES  # an acceptance of these without a finding is one itself
@@ -124,19 +125,23 @@ def make_plan(request: PlanRequest, observed: Mapping[str, State]) -> PlanningRe
     )
 
 
-def _provisional(parts: Sequence[HostPlan]) -> Iterator[Diagnostic]:
+def _provisional(request: PlanRequest, parts: Sequence[HostPlan]) -> Iterator[Diagnostic]:
     """Yield one warning of all partitions whose reservation is provisional."""
     names = tuple(name for part in parts for name in part.provisional)
     if not names:
         return
+    found = [provisional_on(request.system, request.reservations, part.host, part.provisional) for part in parts]
+    uncertain = [each for of_host in found for answer in of_host.values() for each in answer.uncertain]
     needs_consent = any(part.needs_consent for part in parts)
     consent = prose(" To apply this plan anyway: ", PLAN_OUT.also(accept_provisional=True), ".")
     yield PROVISIONAL.at(
         None,
-        "{_names} provisional: estimated in the first pass, without bounds.",
+        "{_names} provisional: estimated in the first pass, without bounds.{_uncertain}",
         prose("Measure the rest: ", MEASURE, ".", *((consent,) if needs_consent else ())),
         address=f"partition/{names[0]}",
         partitions=names,
+        uncertain=tuple(f"{each.component} {each.index}" for each in uncertain),
+        _uncertain=f" {describe_uncertain(uncertain)}" if uncertain else "",
         _names=(
             f"The reservation of {names[0]} is" if len(names) == 1 else f"The reservations of {in_a_row(names)} are"
         ),
@@ -275,8 +280,10 @@ def _host_plan(
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
-        provisional=provisional_on(
-            request.system, request.reservations, seen.host, {partition.name for partition in desired.partitions}
+        provisional=tuple(
+            provisional_on(
+                request.system, request.reservations, seen.host, {partition.name for partition in desired.partitions}
+            )
         ),
         stopped=_staying_stopped(request, desired),
     )

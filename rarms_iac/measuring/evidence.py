@@ -16,7 +16,7 @@ from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.loads import Interference, could_take_all, is_steady
-from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, TooManyFailures, Unsteady, Verdict
+from rarms_iac.model.outcomes import Doubt, Estimate, Missed, NoEstimate, Overload, TooManyFailures, Unsteady, Verdict
 from rarms_iac.model.output import output
 from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.series import Series
@@ -155,7 +155,7 @@ class MeasuredIndex:
     index: str
     threshold: Threshold
     estimate: Estimate | None
-    fitted: bool = False  # a value beyond what the samples show, by a fitted tail
+    doubt: Doubt | None = None  # why the samples of the first pass hardly show it
     reason: str = ""  # why the estimate is missing
     overload: Overload | None = None  # where the component falls behind, so that the index grows without an end
 
@@ -195,7 +195,7 @@ def _without_bounds(measured: MeasuredIndex, series: Series, experiment: Experim
         return replace(measured, estimate=None)
     count = len(series.samples)
     value = Estimate(value=found.value, lower=-inf, upper=inf, samples=count, effective_samples=float(count))
-    return replace(measured, estimate=value, fitted=found.fitted, reason="")
+    return replace(measured, estimate=value, doubt=found.doubt, reason="")
 
 
 def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[MeasuredIndex, ...]:

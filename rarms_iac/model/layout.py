@@ -8,6 +8,7 @@ from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.outcomes import UncertainEstimate
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed
 from rarms_iac.model.state import PartitionSettings
@@ -120,6 +121,7 @@ class LookedUp:
     reservation: LogicalProcessors
     processors: int | None = None  # virtual ones, with which they were measured together; None: not measured
     provisional: bool = False  # by the estimates of the first pass, and inconclusive
+    uncertain: tuple[UncertainEstimate, ...] = ()  # of a provisional one, those that are the least certain
     remarks: tuple[Diagnostic, ...] = ()  # that a log could not be verified, or is of a busy host; without a place
     # By member: processor time of a job, in ms, on each of the processors that it uses; absent: not measured.
     job_ms: Mapping[str, float] = field(default_factory=dict)

@@ -17,6 +17,23 @@ WIDTH = 3
 """A passing setting is shown to be least by a failing one at most so many points below it."""
 
 
+class Doubt(StrEnum):
+    """Why the few samples of the first pass hardly show an index."""
+
+    EXTREME = "extreme"  # more jobs have a longer maximum and a shorter minimum
+    SHARE = "share"  # a share of few jobs has large steps
+    TAIL = "tail"  # a percentile beyond the samples, from a fitted tail
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UncertainEstimate:
+    """An estimate of the first pass that more samples may change most."""
+
+    component: str
+    index: str
+    doubt: Doubt
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """A performance index of one series: what was seen, and the bounds between which the truth lies.

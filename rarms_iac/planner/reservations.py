@@ -134,6 +134,7 @@ class MeasuredReservations:
         if log is None or log.least is None:
             return why_unknown(names, decision, self._logs(members, host), host.platform)
         logs = self.log_of_each_load(members, host)
+        is_provisional = decision.verdict.achievement is Achievement.PROVISIONAL
         used, cpu_ms = (
             min(log.used or log.processors, log.processors),
             {each.name: log.cpu_ms(each.name) for each in members},
@@ -142,7 +143,8 @@ class MeasuredReservations:
             reservation=LogicalProcessors(max(guaranteed(log.least, log.processors), fixed(members, host))),
             processors=log.processors,
             remarks=tuple(remark for each in logs for remark in each.remarks),
-            provisional=decision.verdict.achievement is Achievement.PROVISIONAL,
+            provisional=is_provisional,
+            uncertain=log.uncertain_at(log.least) if is_provisional else (),
             job_ms={name: ms / used for name, ms in cpu_ms.items() if ms is not None},
             governors=governors_in(logs),
             memory_peak=memory_peak_in(logs),
@@ -258,11 +260,11 @@ def _evidence(logs: Iterable[MeasuredTogether]) -> Iterator[SettingEvidence]:
 
 def provisional_on(
     system: System, reservations: ReservationSource, host: Host, partitions: Collection[str]
-) -> tuple[str, ...]:
-    """Name those of the partitions of a host whose reservation is of the first pass alone, sorted."""
+) -> dict[str, LookedUp]:
+    """Return those of the partitions of a host whose reservation is of the first pass alone, by name, sorted."""
     groups = [group for group in groups_of(system) if group.name in partitions and depends_on_a_log(group)]
     answers = {group.name: reservations.look_up(group.members, host) for group in groups}
-    return tuple(sorted(name for name, found in answers.items() if isinstance(found, LookedUp) and found.provisional))
+    return {name: found for name, found in sorted(answers.items()) if isinstance(found, LookedUp) and found.provisional}
 
 
 def names_of(members: Iterable[Component]) -> Names:

@@ -13,7 +13,7 @@ from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import ProcessorSource
-from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, worst
+from rarms_iac.model.outcomes import Achievement, ReservationVerdict, ThresholdAchievement, UncertainEstimate, worst
 from rarms_iac.model.quantities import ReservePercent, guaranteed
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.planner import planning_findings
@@ -72,6 +72,7 @@ class MeasuredTogether:
     least: int | None = None  # the least CR that is enough with every load, as `decide` found it; None: none is
     curves: Callable[[str, str], Curve]  # by component and index
     estimated: ReservePercent | None = None  # the least CR that is enough by estimates; None: no first pass, or none is
+    uncertain_at: Callable[[ReservePercent], tuple[UncertainEstimate, ...]] = lambda _reserve: ()
     looks: int = 0  # settings of the first pass
     records: DataLog  # that the curves are of
     used_records: tuple[Recorded, ...] = ()  # that its answer is of; of the first pass, too, where none is shown
@@ -179,7 +180,8 @@ def _provisional(apts: Sequence[Apt], shown: _Answers, decision: Decision) -> De
     unmet = [log for log, answer in answers if answer is None]
     if not any(log.estimated is not None for log, _ in shown) or any(log.measured or log.looks for log in unmet):
         return decision
-    decisive, least = max(found, key=lambda each: each[1])
+    # Of loads that need the same, the one with which the first pass searched decides, as in the table of `measure`.
+    decisive, least = max(found, key=lambda each: (each[1], each[0].looks))
     achievements = [(apt, Achievement.PROVISIONAL) for apt in apts]
     verdict = _verdict(achievements, decision.verdict.not_measured, decisive.interference, least)
     return Decision(verdict=verdict, log=replace(decisive, least=least))

@@ -6,14 +6,14 @@ excesses over a high quantile a generalised Pareto distribution, by probability-
 1987). Begin at `least_estimated`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, isinf, log, sqrt
 from typing import Final
 
 from rarms_iac.model.indexes import index_named, percentile_of
-from rarms_iac.model.outcomes import Estimate
-from rarms_iac.model.quantities import ReservePercent
+from rarms_iac.model.outcomes import Doubt, Estimate, UncertainEstimate
+from rarms_iac.model.quantities import ReservePercent, Unit
 from rarms_iac.model.run import USUAL_SAMPLES, Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import Setting
@@ -43,6 +43,9 @@ _TAIL_PART: Final = 0.25
 
 _TAIL: Final = 10
 
+FEW: Final = 1000
+"""Fewer samples hardly show a maximum, a minimum or a share of jobs."""
+
 _HEAVIEST: Final = 0.5
 """The shape of a fitted tail at most, and at least but for its sign: of few samples it is hardly known."""
 
@@ -52,7 +55,7 @@ class PointEstimate:
     """An index of a component as a setting showed it, without bounds."""
 
     value: float  # in the index's unit
-    fitted: bool = False  # a percentile of the fitted tail, beyond what the samples show
+    doubt: Doubt | None = None  # why few samples hardly show it; None: they do
 
 
 def point_estimate(index: str, series: Series, run: Run) -> PointEstimate | None:
@@ -68,12 +71,39 @@ def point_estimate(index: str, series: Series, run: Run) -> PointEstimate | None
     share = None if percentile is None else float(percentile) / 100
     if index == "maximum_response_time" and 0 < len(times) < USUAL_SAMPLES:
         longest = fitted_percentile(times, 1.0 - 1.0 / USUAL_SAMPLES)
-        return PointEstimate(value=max(longest, *times), fitted=True)
+        return PointEstimate(value=max(longest, *times), doubt=Doubt.EXTREME)
     if share is not None and times and len(times) * (1.0 - share) < _BEYOND:
         exceeded = sorted(times)[-min(len(times), ceil(_BEYOND) + 1)]  # by as many as show a percentile
-        return PointEstimate(value=max(fitted_percentile(times, share), exceeded), fitted=True)
+        return PointEstimate(value=max(fitted_percentile(times, share), exceeded), doubt=Doubt.TAIL)
     seen = estimate(index, series, run, unseen=False)
-    return PointEstimate(value=seen.value) if isinstance(seen, Estimate) else None
+    return PointEstimate(value=seen.value, doubt=_doubt(index, series)) if isinstance(seen, Estimate) else None
+
+
+def _doubt(index: str, series: Series) -> Doubt | None:
+    """Return why so few samples hardly show a maximum, a minimum or a share of jobs; None: it is shown."""
+    if len(series.samples) >= FEW:
+        return None
+    if index_named(index).is_extreme:
+        return Doubt.EXTREME
+    return Doubt.SHARE if index_named(index).unit is Unit.SHARE else None
+
+
+def uncertain_estimates(
+    series: Iterable[Series], runs: Mapping[str, Run], apts: Mapping[str, Mapping[str, Threshold]]
+) -> tuple[UncertainEstimate, ...]:
+    """Return the estimates at one setting that more samples may change most.
+
+    Args:
+        series: of the setting, one a component.
+    """
+    by_name = {each.component: each for each in series}
+    return tuple(
+        UncertainEstimate(component=name, index=index, doubt=found.doubt)
+        for name, apt in apts.items()
+        if name in by_name
+        for index in apt
+        if (found := point_estimate(index, by_name[name], runs[name])) is not None and found.doubt is not None
+    )
 
 
 def fitted_percentile(times: Sequence[float], share: float) -> float:

@@ -1,9 +1,11 @@
 """Values of performance indexes, their ranges and thresholds as text."""
 
+from collections.abc import Sequence
 from fractions import Fraction
 from math import isfinite
 
-from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.indexes import PerformanceIndex, index_named
+from rarms_iac.model.outcomes import Doubt, UncertainEstimate
 from rarms_iac.model.quantities import UNITS
 from rarms_iac.model.system import Threshold
 from rarms_iac.texts.quantities import plain, show_number
@@ -32,17 +34,36 @@ def short_name(index: PerformanceIndex) -> str:
     return index.name.removesuffix("_response_time")
 
 
-def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
-    """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`."""
+def show_range(index: PerformanceIndex, lower: float, upper: float, threshold: Threshold | None = None) -> str:
+    """Write measured bounds as `93.5 to 94.8 ms`, or `at least 93.5 ms, no upper bound yet`.
+
+    Args:
+        threshold: as of `show_value`.
+    """
     match isfinite(lower), isfinite(upper):
         case True, False:
-            return f"at least {show_value(index, lower)}, no upper bound yet"
+            return f"at least {show_value(index, lower, threshold)}, no upper bound yet"
         case False, True:
-            return f"at most {show_value(index, upper)}, no lower bound yet"
+            return f"at most {show_value(index, upper, threshold)}, no lower bound yet"
         case False, False:
             return "no bounds yet"
         case _:
-            return f"{show_number(lower)} to {show_value(index, upper)}"
+            least, most = show_value(index, lower, threshold), show_value(index, upper, threshold)
+            return f"{least.split()[0]} to {most}"
+
+
+def describe_uncertain(estimates: Sequence[UncertainEstimate]) -> str:
+    """Write as `Least certain: vision (maximum of few jobs), speech (p99 from a fitted tail).`.
+
+    Args:
+        estimates: at least one.
+    """
+    named = (
+        f"{each.component} ({short_name(index_named(each.index))} "
+        f"{'from a fitted tail' if each.doubt is Doubt.TAIL else 'of few jobs'})"
+        for each in estimates
+    )
+    return f"Least certain: {', '.join(dict.fromkeys(named))}."
 
 
 def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:

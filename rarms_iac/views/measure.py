@@ -27,10 +27,10 @@ from rarms_iac.model.outcomes import (
     Unsteady,
 )
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.system import AtMost, Component
+from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.statistics.distributions import describe_errors, describe_extreme
-from rarms_iac.statistics.first_look import point_estimate
-from rarms_iac.texts.indexes import show_range, show_value
+from rarms_iac.statistics.first_look import point_estimate, uncertain_estimates
+from rarms_iac.texts.indexes import describe_uncertain, show_range, show_value
 from rarms_iac.texts.messages import counted, in_a_row
 from rarms_iac.texts.quantities import share_of_processors, show_percent, show_processors
 from rarms_iac.views.console import paragraph, stack
@@ -51,8 +51,8 @@ from rarms_iac.views.verdicts import (
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-FITTED = "~"
-"""Marks a percentile that is beyond what the samples of the first pass show."""
+UNCERTAIN = "~"
+"""Marks an estimate of the first pass that more samples may change most."""
 
 RESULTS = (
     Column("component", wraps=True),
@@ -225,7 +225,7 @@ def _estimated(answer: _Answer, member: Component, index: str) -> str:
     found = None if series is None else point_estimate(index, series, answer.result.experiment.runs[member.name])
     if found is None or isinf(found.value):
         return "-"
-    return show_value(index_named(index), found.value, member.apt[index]) + (FITTED if found.fitted else "")
+    return show_value(index_named(index), found.value, member.apt[index]) + (UNCERTAIN if found.doubt else "")
 
 
 def _value(measured: MeasuredIndex | None) -> str:
@@ -290,7 +290,7 @@ def _totals(outcome: MeasureOutcome, *, verbose: bool) -> Iterator[str]:
 
 
 def _of_first_pass(outcome: MeasureOutcome) -> Iterator[str]:
-    """Yield which answers are provisional, and what marks a percentile of a fitted tail."""
+    """Yield which answers are provisional, and which of them are the least certain."""
     answers = [*map(decisive, outcome.partitions)]
     found = [result for result in answers if result.is_provisional and result.reserve is not None]
     names = [result.experiment.name for result in answers if result in found or result.provisional_lp is not None]
@@ -301,13 +301,15 @@ def _of_first_pass(outcome: MeasureOutcome) -> Iterator[str]:
         elif len(names) == 1:
             which = f"The reservation of {names[0]} is"
         yield f"{which} provisional: estimates of short settings, without bounds."
-    if any(_has_fitted(result) for result in found):
-        yield f"{FITTED} Estimated from a fitted tail: too few samples in the first pass for this percentile."
-
-
-def _has_fitted(result: ExperimentResult) -> bool:
-    answer, members = _Answer(result=result, at=result.reserve), result.experiment.members
-    return any(_estimated(answer, member, index).endswith(FITTED) for member in members for index in member.apt)
+    uncertain = [
+        each
+        for result in found
+        for setting in result.settings
+        if setting.reserve == result.reserve
+        for each in uncertain_estimates(setting.series, result.experiment.runs, result.experiment.apts)
+    ]
+    if uncertain:
+        yield f"{UNCERTAIN} {describe_uncertain(uncertain)}"
 
 
 def _ending(outcome: MeasureOutcome) -> Wording:
@@ -404,16 +406,19 @@ def _swept_rows(result: ExperimentResult, member: Component, index: PerformanceI
         for series in setting.series:
             if series.component == member.name:
                 point = point_of(setting, series, index.name, apt, run)
-                yield amount, show_percent(setting.reserve), *_describe_point(index, point)
+                yield amount, show_percent(setting.reserve), *_describe_point(index, point, threshold)
 
 
-def _describe_point(index: PerformanceIndex, point: MeasuredPoint) -> tuple[str, str, str, str]:
+def _describe_point(
+    index: PerformanceIndex, point: MeasuredPoint, threshold: Threshold | None
+) -> tuple[str, str, str, str]:
     verdict = "" if point.verdict is None else describe_verdict(index, point.verdict)
     failed = f"{point.failed} of {point.samples} samples failed" if point.failed else ""
     remark = "; ".join(filter(None, (point.remark, failed)))
     if point.value is None:
         return "-", "", verdict, remark
-    return show_value(index, point.value), show_range(index, point.low, point.high), verdict, remark
+    bounds = show_range(index, point.low, point.high, threshold)
+    return show_value(index, point.value, threshold), bounds, verdict, remark
 
 
 def settings_text(result: ExperimentResult) -> "RenderableType":
@@ -432,17 +437,19 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
 
 def show_band(index: MeasuredIndex) -> str:
     """Write as `97.7 ms (97.1 to 98.2 ms)`; without an estimate, write why."""
-    return index.reason if index.estimate is None else show_estimate(index.index, index.estimate)
+    if index.estimate is None:
+        return index.reason
+    return show_estimate(index.index, index.estimate, index.threshold)
 
 
-def show_estimate(name: str, estimate: Estimate) -> str:
+def show_estimate(name: str, estimate: Estimate, threshold: Threshold | None = None) -> str:
     """Return a value with its interval: `97.7 ms (97.1 to 98.2 ms)`.
 
     An extreme has what was seen, and what may lie beyond.
     """
     index = index_named(name)
-    value = show_value(index, estimate.value)
+    value = show_value(index, estimate.value, threshold)
     if estimate.beyond is not None:
         return f"{value} {describe_extreme(estimate.beyond)}"
     bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and estimate.lower != estimate.upper
-    return f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded else value
+    return f"{value} ({show_range(index, estimate.lower, estimate.upper, threshold)})" if bounded else value

@@ -1,6 +1,7 @@
 """The passes of `rarms measure`: a provisional answer for every component first, then the loads and the precision."""
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import chdir
 from dataclasses import replace
@@ -78,6 +79,21 @@ def test_quick_answer_gives_a_provisional_plan(here: Path) -> None:
     assert "from rarms.yaml, provisional" in planned.out
     assert planned.out.count("RARMS108") == 1
     assert applied.code == 0, "a simulated host takes it"
+
+
+def test_least_certain_estimates_are_named(here: Path) -> None:
+    extreme = MANIFEST.replace("mean_response_time: { at_most: 50 ms }", "maximum_response_time: { at_most: 0.2 s }")
+    (here / "rarms.yaml").write_text(extreme, encoding="utf-8")
+
+    quick = rarms("measure", "--quick")
+    planned = rarms("plan", "--out", "robot.plan")
+    applied = rarms("apply", "robot.plan")
+
+    named = "Least certain: vision (maximum of few jobs)."
+    assert f"~ {named}" in quick.out
+    assert re.search(r"^vision +maximum <= 0\.2 s +0\.\d+ s~ ", quick.out, re.MULTILINE)
+    assert named in " ".join((planned.out + planned.err).split())
+    assert applied.code == 0, "the plan is made again from what it has"
 
 
 def test_measure_goes_on_from_the_first_pass(here: Path) -> None:

@@ -6,11 +6,19 @@ from random import Random
 
 import pytest
 
+from rarms_iac.model.outcomes import Doubt, UncertainEstimate
 from rarms_iac.model.setting import Setting
-from rarms_iac.model.system import AtLeast, AtMost
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.statistics.first_look import fitted_percentile, is_probable, least_estimated, point_estimate
-from tests.builders import a_run
+from rarms_iac.statistics.first_look import (
+    FEW,
+    fitted_percentile,
+    is_probable,
+    least_estimated,
+    point_estimate,
+    uncertain_estimates,
+)
+from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
 RUN = a_run()
@@ -41,10 +49,25 @@ def test_only_percentiles_beyond_the_samples_are_fitted() -> None:
     series = a_series(noisy(1, 50.0, count=100))
 
     assert [
-        found.fitted
+        found.doubt
         for percent in (90, 95, 99)
         if (found := point_estimate(f"p{percent}_response_time", series, RUN)) is not None
-    ] == [False, False, True]
+    ] == [None, None, Doubt.TAIL]
+
+
+def test_few_samples_hardly_show_extremes_and_shares() -> None:
+    apt: dict[str, Threshold] = {
+        "maximum_response_time": at_most(60),
+        "success_rate": at_least(90),
+        "mean_response_time": at_most(60),
+    }
+    few, many = a_series(noisy(1, 50.0, count=100)), a_series(noisy(1, 50.0, count=FEW))
+
+    assert uncertain_estimates([few], {"coi": RUN}, {"coi": apt}) == (
+        UncertainEstimate(component="coi", index="maximum_response_time", doubt=Doubt.EXTREME),
+        UncertainEstimate(component="coi", index="success_rate", doubt=Doubt.SHARE),
+    )
+    assert uncertain_estimates([many], {"coi": RUN}, {"coi": apt}) == ()
 
 
 def test_fitted_percentile_is_no_less_than_samples_show() -> None:
