@@ -17,7 +17,6 @@ import pytest
 
 from rarms_iac.app import install_there
 from rarms_iac.app.install_there import WATCHER_PATH, WATCHER_UNIT, RobotPlaces
-from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.run import (
     AttachedContainer,
     AttachedService,
@@ -30,7 +29,7 @@ from rarms_iac.model.run import (
     Stop,
     TimeField,
 )
-from rarms_iac.model.setting import P1, P2
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.measuring import PartitionWork, Work
@@ -39,7 +38,7 @@ from tests.contracts.benches import forget_groups, forget_host, slice_of
 from tests.contracts.test_measuring_contract import ready
 from tests.needs import CHECKOUT
 from tests.system import test_thread_watcher as watching
-from tests.system.test_attached import MortalEffects, is_killed, the_host
+from tests.system.test_attached import Killed, MortalEffects, the_host
 from tests.unit.cli.running import rarms
 
 LINES = Samples(source="json_lines", response_time=TimeField(field="ms", unit="ms"))
@@ -182,7 +181,10 @@ def service(script: str, *, stop: Stop | None = None, **properties: str | int) -
 
 def work_of(component: Component) -> Work:
     """The component in P1, and nothing else: a load would take the emulated processors from everything."""
-    parts = (PartitionWork(partition=P1, components=(component,)), PartitionWork(partition=P2))
+    parts = (
+        PartitionWork(partition=P1, components=(component,)),
+        *(PartitionWork(partition=name) for name in LOAD_PARTITIONS),
+    )
     return Work(application="robot", partitions=parts, until={component.name: SampleCount(samples=5)}, seed=1)
 
 
@@ -212,6 +214,16 @@ def running_service(unit: str, *properties: str) -> Iterator[str]:
 
 
 CPU = "CPUWeight", "CPUQuotaPerSecUSec", "CPUQuotaPeriodUSec"
+HELD = {"CPUWeight": "10000", "CPUQuotaPerSecUSec": "600ms", "CPUQuotaPeriodUSec": "20ms"}
+HELD_IN_KERNEL = ("10000", "12000 20000")
+"""Weight and quota of P1 at a reservation of 30 % of two processors."""
+
+
+def in_kernel(unit: str) -> tuple[str, str]:
+    """Weight and quota of a unit's control group, as the kernel has them."""
+    group = Path("/sys/fs/cgroup" + shown(unit, "ControlGroup")["ControlGroup"])
+    weight, quota = ((group / file).read_text(encoding="ascii").strip() for file in ("cpu.weight", "cpu.max"))
+    return weight, quota
 
 
 def nav2(service: str = "nav2") -> Component:
@@ -233,8 +245,14 @@ def tested(tmp_path: Path) -> Iterator[Path]:
     forget_groups(tmp_path)
 
 
-@pytest.mark.parametrize("properties", [(), ("CPUWeight=30", "CPUQuota=150%", "CPUQuotaPeriodSec=50ms")])
-def test_service_is_held_and_given_back(tested: Path, properties: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("properties", "own"),
+    [
+        pytest.param((), ("100", "max 100000"), id="none"),
+        pytest.param(("CPUWeight=30", "CPUQuota=150%", "CPUQuotaPeriodSec=50ms"), ("30", "75000 50000"), id="own"),
+    ],
+)
+def test_service_is_held_and_given_back(tested: Path, properties: tuple[str, ...], own: tuple[str, str]) -> None:
     host = the_host(tested)
     with running_service("nav2", *properties):
         before, group = shown("nav2", *CPU), shown("nav2", "ControlGroup")
@@ -242,41 +260,54 @@ def test_service_is_held_and_given_back(tested: Path, properties: tuple[str, ...
             with host.run(work_of(nav2())) as running:
                 samples, held, state = list(running.samples()), shown("nav2", *CPU), host.observe()
                 where, used_ms, evidence = shown("nav2", "ControlGroup"), running.cpu_ms("nav2"), running.evidence()
-                rest = host.tree.read(host.tree.name_for(P2)).quota_percent
+                held_in_kernel = in_kernel("nav2")
+                rest = [host.tree.read(host.tree.name_for(name)).quota_percent for name in LOAD_PARTITIONS]
             after = shown("nav2", *CPU)
             with suppress(KeyboardInterrupt), host.run(work_of(nav2())):
                 raise KeyboardInterrupt
             interrupted = shown("nav2", *CPU)
+        after_in_kernel = in_kernel("nav2")
         left = list(Path("/run/systemd/system.control").glob("nav2.service.d/*"))
 
     assert len(samples) == 5
-    assert held == {"CPUWeight": "10000", "CPUQuotaPerSecUSec": "600ms", "CPUQuotaPeriodUSec": "20ms"}
+    assert held == HELD
+    assert held_in_kernel == HELD_IN_KERNEL
     assert where == group, "nothing is moved"
-    assert rest == pytest.approx(140, abs=1)
+    assert rest == pytest.approx([70, 70], abs=1)
     assert state.attached == "the service nav2"
     assert used_ms is not None
     assert used_ms > 0
     assert evidence is not None
     assert evidence.outside == ()
     assert after == interrupted == before
+    assert after_in_kernel == own
     assert left == []
     assert host.observe().attached == ""
 
 
+def is_killed(host: LinuxMeasuringHost) -> bool:
+    """Hold nav2 and give it back; the test partitions are there."""
+    try:
+        with host.lock("test"), host.run(work_of(nav2())):
+            pass
+    except Killed:
+        return True
+    return False
+
+
 def test_killed_at_each_change_is_given_back(tested: Path) -> None:
-    at = 1
-    with running_service("nav2", "CPUWeight=30"):
+    at, shared = 1, the_host(tested)
+    with running_service("nav2", "CPUWeight=30"), ready(shared):
         before = shown("nav2", *CPU)
-        while is_killed(the_host(tested, MortalPrograms(at)), nav2()):
+        while is_killed(the_host(tested, MortalPrograms(at))):
             left = the_host(tested)
             assert at == 1 or left.observe().attached == "the service nav2"
             with left.lock("the next command"):
-                remove_test_partitions(left)
-            assert left.observe().attached == ""
+                assert left.observe().attached == ""
             assert shown("nav2", *CPU) == before, at
             at += 1
 
-    assert at > 3
+    assert at > 6
 
 
 def refused(host: LinuxMeasuringHost, service: str) -> str:
@@ -340,15 +371,15 @@ def test_container_is_held_and_given_back(tested: Path, root: Path) -> None:
         )
         process = output("podman", "inspect", "--format={{.State.Pid}}", "eyes")
         scope = Path(f"/proc/{process}/cgroup").read_text(encoding="ascii").strip().rpartition("/")[2]
-        before = shown(scope, *CPU)
+        before, before_in_kernel = shown(scope, *CPU), in_kernel(scope)
         with host.lock("test"), ready(host, reserve=30):
             with host.run(work_of(component)) as running:
-                samples, held = list(running.samples()), shown(scope, *CPU)
-            after = shown(scope, *CPU)
+                samples, held, held_in_kernel = list(running.samples()), shown(scope, *CPU), in_kernel(scope)
+            after, after_in_kernel = shown(scope, *CPU), in_kernel(scope)
     finally:
         output("podman", "rm", "--force", "--time=0", "eyes")
 
     assert scope.endswith(".scope")
     assert len(samples) == 5
-    assert held == {"CPUWeight": "10000", "CPUQuotaPerSecUSec": "600ms", "CPUQuotaPeriodUSec": "20ms"}
-    assert after == before
+    assert (held, held_in_kernel) == (HELD, HELD_IN_KERNEL)
+    assert (after, after_in_kernel) == (before, before_in_kernel)

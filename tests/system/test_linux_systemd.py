@@ -8,22 +8,18 @@ import pytest
 
 from rarms_iac.app import install
 from rarms_iac.app.install_there import RobotPlaces
-from tests.linux_machine.machine import CommandResult, run_in_machine
+from tests.linux_machine.machine import CommandResult, run_in_machine, run_tests_in_machine
 from tests.system.test_linux_walk import MANIFEST
 from tests.unit.cli.running import rarms
 
 pytestmark = pytest.mark.needs("linux-machine", "systemd", "long")
 
-WALK = (
-    ".venv/bin/python -m pytest -p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 "
-    "--basetemp=/tmp/pytest-in-machine tests/system/test_linux_walk.py"
-)
-SERVICES = """\
+WALK = ("tests/system/test_linux_walk.py",)
+SERVICES = ("--noconftest", "-p", "no:hypothesispytest", "tests/linux_machine/services.py")  # its imports take 15 s
+START_BUS = """\
 touch /etc/.updated /var/.updated # nothing is to be brought up to date at this start
 systemctl start dbus.socket systemd-journald.service # and all that services need
 systemctl start --job-mode=ignore-dependencies dbus.service
-.venv/bin/python -m pytest -p no:cacheprovider -p no:xdist -p no:cov -q --durations=0 \
-    --basetemp=/tmp/pytest-in-machine tests/linux_machine/services.py
 """
 PARTITIONS = """\
   navigation: { components: [navigation] }
@@ -89,7 +85,7 @@ def installed(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_systemd_partitions_are_units(tmp_path: Path) -> None:
-    result = run_in_machine(WALK, timeout_s=1200, disk=tmp_path / "disk.tar")
+    result = run_tests_in_machine(WALK, timeout_s=1200, disk=tmp_path / "disk.tar")
 
     assert result.exit_code == 0, result.output
     assert " passed" in result.output
@@ -97,7 +93,7 @@ def test_systemd_partitions_are_units(tmp_path: Path) -> None:
 
 @pytest.mark.needs("podman", "system-bus")
 def test_services_and_what_runs_already(tmp_path: Path) -> None:
-    result = run_in_machine(SERVICES, timeout_s=1800, disk=tmp_path / "disk.tar")
+    result = run_tests_in_machine(SERVICES, timeout_s=1800, before=START_BUS, disk=tmp_path / "disk.tar")
 
     assert result.exit_code == 0, result.output
     assert " passed" in result.output

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.linux_machine.machine import run_in_machine
+from tests.linux_machine.machine import run_tests_in_machine
 
 CONTRACTS = (
     "tests/unit/providers/cgroups/test_groups.py",
@@ -10,7 +10,7 @@ CONTRACTS = (
     "tests/contracts/test_host_contract.py",
     "tests/contracts/test_apply_crashes.py::test_second_apply_is_empty_and_undo_restores",
 )
-"""What runs in the machine, in one process: there, a second process takes half a minute to start."""
+"""What runs in the machine."""
 
 OWN_FILES = (
     "mark or pending or an_id or same_name or doings or journal or raises_the_serial or holder or believed "
@@ -20,13 +20,10 @@ OWN_FILES = (
 
 CHOSEN = f"(linux or groups) and not simulated and not ({OWN_FILES})"
 
-OPTIONS = "-p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 --basetemp=/tmp/pytest-in-machine"
-
 
 @pytest.mark.needs("linux-machine")
 def test_hosts_of_version_2_keep_the_contract() -> None:
-    tests = f"-k '{CHOSEN}' {' '.join(CONTRACTS)}"
-    result = run_in_machine(f".venv/bin/python -m pytest {OPTIONS} {tests}", timeout_s=900)
+    result = run_tests_in_machine(("-k", CHOSEN, *CONTRACTS), timeout_s=900)
 
     assert result.exit_code == 0, result.output
     assert " passed" in result.output
