@@ -105,7 +105,9 @@ def run_tests_in_machine(
     """
     _compile(tests)
     words = (".venv/bin/python", "-m", "pytest", *_PYTEST, "--basetemp=/tmp/pytest-in-machine", *tests)
-    return run_in_machine(f"{before}{shlex.join(words)}", timeout_s, disk=disk)
+    result = run_in_machine(f"{before}{shlex.join(words)}", timeout_s, disk=disk)
+    sys.stdout.write(result.output)  # `pytest -rP` shows how long each test took
+    return result
 
 
 def _compile(tests: Sequence[str]) -> None:

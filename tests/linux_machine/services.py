@@ -215,6 +215,8 @@ def running_service(unit: str, *properties: str) -> Iterator[str]:
 
 CPU = "CPUWeight", "CPUQuotaPerSecUSec", "CPUQuotaPeriodUSec"
 HELD = {"CPUWeight": "10000", "CPUQuotaPerSecUSec": "600ms", "CPUQuotaPeriodUSec": "20ms"}
+UNLIMITED = {"cpu.weight": "100", "cpu.max": "max 100000"}
+"""The kernel has no such files where systemd has turned the controller off, as no unit of the slice has a value."""
 HELD_IN_KERNEL = ("10000", "12000 20000")
 """Weight and quota of P1 at a reservation of 30 % of two processors."""
 
@@ -222,7 +224,10 @@ HELD_IN_KERNEL = ("10000", "12000 20000")
 def in_kernel(unit: str) -> tuple[str, str]:
     """Weight and quota of a unit's control group, as the kernel has them."""
     group = Path("/sys/fs/cgroup" + shown(unit, "ControlGroup")["ControlGroup"])
-    weight, quota = ((group / file).read_text(encoding="ascii").strip() for file in ("cpu.weight", "cpu.max"))
+    files = {name: group / name for name in UNLIMITED}
+    weight, quota = (
+        file.read_text(encoding="ascii").strip() if file.exists() else UNLIMITED[name] for name, file in files.items()
+    )
     return weight, quota
 
 
