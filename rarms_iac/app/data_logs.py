@@ -245,8 +245,8 @@ def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: Ob
     below the folder is opened for an untrusted manifest.
 
     Returns:
-        Of a load that usually runs in two parts, what was measured with one where nothing of two holds: a sweep, the
-        paper's strategy, or a host without memory for the second.
+        Of a load that usually runs in several parts, what was measured with one where nothing of several holds: a
+        sweep, the paper's strategy, or a host without memory for the others.
     """
 
     def found(parts: int) -> Present:

@@ -61,7 +61,7 @@ def with_load_parts(
 ) -> Experiment:
     """Return the experiment with as many parts of P2 as its load has by this method, and as the host has memory for.
 
-    A sweep and the paper's strategy have the paper's P2, in one part, unless settings with two are recorded: a plan
+    A sweep and the paper's strategy have the paper's P2, in one part, unless settings with several are recorded: a plan
     goes by these, and theirs are to join them.
 
     Raises:
@@ -85,10 +85,10 @@ def in_load_parts(experiment: Experiment, resources: MeasuringResources) -> Expe
 
 
 def describe_missing_parts(session: MeasuringSession, experiments: Sequence[Experiment]) -> Iterator[str]:
-    """Yield a sentence for each host without memory for the second partition of some loads."""
-    in_two = [each for each in experiments if each.usual_load_parts > 1]
-    for host, resources in resources_by_host(session, in_two).items():
-        in_parts = [in_load_parts(each, resources) for each in in_two if each.host.name == host]
+    """Yield a sentence for each host without memory for all partitions of some loads."""
+    in_several = [each for each in experiments if each.usual_load_parts > 1]
+    for host, resources in resources_by_host(session, in_several).items():
+        in_parts = [in_load_parts(each, resources) for each in in_several if each.host.name == host]
         if loads := [each.setup.interference for each in in_parts if each.load_parts == 1]:
             yield describe_missing_part(host, loads)
 

@@ -33,9 +33,9 @@ from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.series import Series
 from rarms_iac.model.setting import (
     ALL_PARTITIONS,
+    LOAD_PARTITIONS,
     P1,
     P2,
-    P2_SECOND,
     OutsideWork,
     Setting,
     SettingEvidence,
@@ -238,7 +238,7 @@ LEAST_SHARE = 0.01
 _LIMITS = {
     P1: "the limit of P1",
     P2: "the limit of P2",
-    P2_SECOND: "the limit of the second part of P2",
+    **{part: f"the limit of {part}" for part in LOAD_PARTITIONS[1:]},
     ALL_PARTITIONS: "the limit of all partitions",
 }
 

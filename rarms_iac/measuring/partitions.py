@@ -13,7 +13,7 @@ from types import MappingProxyType
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.host import Host, ProviderKind
-from rarms_iac.model.loads import Interference, is_divided
+from rarms_iac.model.loads import Interference, equal_parts
 from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,
@@ -131,7 +131,7 @@ def processors_of_load(
     """Say how many virtual processors each part of P2 has next to P1.
 
     P2 has one on every LP, and each reserves the same. So where P1 has fewer, P2 can reserve only what P1 leaves on its
-    own LPs, and a second part reserves the rest of the other LPs. Without it P1 would get a share of that rest, which
+    own LPs, and one more part reserves the rest of the other LPs. Without it P1 would get a share of that rest, which
     other partitions have in a layout.
 
     Args:
@@ -145,16 +145,14 @@ def processors_of_load(
     if most_parts == 1:
         return (wide,)
     others = wide - resources.capacity.sharing.claim(setup.processors, WHOLE, setup.memory).processors
-    if others > 0:
-        return wide, others
-    return (wide, wide) if is_divided(load) else (wide,)
+    return (*[wide] * equal_parts(load), *([others] if others > 0 else []))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadShare:
     """The processor time of P2 while P1 reserves a CR."""
 
-    reserve: int  # per cent of each processor of its first part; of both where they divide it
+    reserve: int  # per cent of each LP, of all parts that have a processor on every LP
     reserves: Mapping[str, ReservePercent]  # of each part, by its name: per cent of each of its own processors
     processors: Fraction  # LPs that a load takes at least if it never sleeps
     others: Fraction  # LPs of what partitions can use together that P2 does not reserve
@@ -192,17 +190,16 @@ def share_of_parts(
     Args:
         claims: in addition to what is promised.
         memory: of P2, in bytes.
-        parts: the processors of each part. Parts of as many divide what one would reserve; one of fewer reserves what
-            the first one leaves.
+        parts: the processors of each part. Those with as many as the first divide what it would reserve; a last one
+            with fewer reserves what they leave.
     """
-    wide, *second = parts
+    wide = parts[0]
     p2 = Claim(processors=wide, reserve=0, memory=max(0, memory))
     reserve = _highest_reserve(resources, claims, p2)
-    if second and second[0] < wide:
-        reserves = [reserve, _rest(resources, (*claims, replace(p2, reserve=reserve)), second[0])]
-    else:
-        each, left = divmod(reserve, len(parts))
-        reserves = [each + left, *(each for _ in second)]
+    each, left = divmod(reserve, parts.count(wide))
+    reserves = [each + left, *[each] * (parts.count(wide) - 1)]
+    if parts[-1] < wide:
+        reserves.append(_rest(resources, (*claims, replace(p2, reserve=reserve)), parts[-1]))
     takes = Fraction(sum(vps * each for vps, each in zip(parts, reserves, strict=True)), WHOLE)
     return LoadShare(
         reserve=reserve,
@@ -213,7 +210,7 @@ def share_of_parts(
 
 
 LEAST_REST = 10
-"""Per cent of an LP: less is not worth a second part of P2 next to a layout."""
+"""Per cent of an LP: less is not worth one more part of P2 next to a layout."""
 
 
 def share_next_to_layout(
@@ -235,9 +232,7 @@ def share_next_to_layout(
         return (wide,), one
     p2 = Claim(processors=wide, reserve=one.reserve, memory=max(0, memory))
     rest, others = max((others * _rest(resources, (p2,), others), others) for others in range(1, wide))
-    parts = (wide, wide) if is_divided(load) else (wide,)
-    if rest >= LEAST_REST:
-        parts = (wide, others)
+    parts = (*[wide] * equal_parts(load), *([others] if rest >= LEAST_REST else []))
     return parts, share_of_parts(resources, (), memory, parts)
 
 

@@ -138,9 +138,9 @@ def longest_ms(groups: Sequence[Sequence[Experiment]]) -> float:
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:
-    """Return the sentence on loads that run in one partition, as the host has no memory for a second one."""
+    """Return the sentence on loads that run in one partition, as the host has no memory for several."""
     return (
-        f"{host} does not have enough memory for a second load partition. One partition runs "
+        f"{host} does not have enough memory for several load partitions. One partition runs "
         f"{in_a_row(list(dict.fromkeys(loads)))}."
     )
 

@@ -138,7 +138,7 @@ class Experiment(OutputText):
     slow_job: int  # as of the policy
     precision: Percent  # likewise
     processors_from: ProcessorSource = ProcessorSource.MANIFEST  # those of the setup
-    load_parts: int = 1  # partitions that P2 is, which divide what it reserves
+    load_parts: int = 1  # the most partitions that P2 is
 
     def __str__(self) -> str:
         return self.name
@@ -155,7 +155,7 @@ class Experiment(OutputText):
 
     @property
     def usual_load_parts(self) -> int:
-        """How many partitions its load has where there is memory for them."""
+        """The most partitions that its load has where there is memory for them."""
         return load_parts(self.load, self.host.logical_processors)
 
     @property

@@ -130,22 +130,25 @@ def load_parts(load: Interference, processors: int) -> int:
 
     Args:
         processors: LPs of the host.
+
+    Returns:
+        What the manifest counts exists once. Others have equal parts, and one more on the LPs without a VP of P1.
     """
     match load:
-        case BusyLoop(threads=None) | Bursts(duty=None, threads=None):
-            return min(processors, 2)
+        case BusyLoop(threads=None) | Bursts(duty=None, threads=None) if processors > 1:
+            return equal_parts(load) + 1
         case _:
-            return 1  # what the manifest counts exists once
+            return 1
 
 
-def is_divided(load: Interference) -> bool:
-    """Tell whether a load runs in two equal partitions where P1 has a VP for each LP: waits are then more frequent.
+def equal_parts(load: Interference) -> int:
+    """Return the number of partitions that divide a load evenly: 2 where waits are then more frequent.
 
     With one neighbor a component that competes for several processors waits seldom and long. With several it waits two
     to four times as often, so that percentiles of short jobs are longer, although the mean is the same. Short bursts
     stay in one partition: they delay a mean most where they take all processors at once (docs/measuring.md, Loads).
     """
-    return not isinstance(load, Bursts) or load.every >= LONG_CYCLE
+    return 1 if isinstance(load, Bursts) and load.every < LONG_CYCLE else 2
 
 
 def could_take_all(load: Interference, processors: int) -> bool:

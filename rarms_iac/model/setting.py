@@ -16,10 +16,9 @@ P1 = "rarms-p1"
 P2 = "rarms-p2"
 """The test partition of the interfering load."""
 
-P2_SECOND = "rarms-p2b"
-"""The second part of P2, where the load runs in two."""
+LOAD_PARTITIONS = (P2, "rarms-p2b", "rarms-p2c")
+"""The parts of P2, where the load runs in several."""
 
-LOAD_PARTITIONS = (P2, P2_SECOND)
 TEST_PARTITIONS = (P1, *LOAD_PARTITIONS)
 
 P2_WEIGHT = 10_000

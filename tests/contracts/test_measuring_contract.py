@@ -24,12 +24,12 @@ from rarms_iac.model.loads import (
     CommandLoad,
     Interference,
     Stress,
-    is_divided,
+    equal_parts,
     load_parts,
 )
 from rarms_iac.model.run import Elapsed, Run, SampleCount, Samples, TimeField
 from rarms_iac.model.series import Sample
-from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, P2_SECOND, EnvironmentSetup
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, EnvironmentSetup
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused
@@ -108,7 +108,7 @@ def ready(host: MeasuringHost, reserve: int = 60, load: Interference = BUSY) -> 
 
 
 def parts_of(load: Interference) -> int:
-    return load_parts(load, 2) if is_divided(load) else 1
+    return equal_parts(load) if load_parts(load, 2) > 1 else 1
 
 
 def some_work(*components: Component, seed: int = 7, load: Interference = BUSY, **until: SampleCount | Elapsed) -> Work:
@@ -325,9 +325,9 @@ def test_killed_measurement_leaves_nothing_running(tmp_path: Path) -> None:
     removed = remove_test_partitions(linux(tmp_path))
     forget_groups(tmp_path)
 
-    assert inside == {P1: 1, P2: 3, P2_SECOND: 3}
+    assert inside == {P1: 1, P2: 3, LOAD_PARTITIONS[1]: 3}
     assert after == [(), (), ()]
-    assert removed == (P1, P2, P2_SECOND)
+    assert removed == (P1, *LOAD_PARTITIONS[:2])
     assert groups.names() == ()
 
 

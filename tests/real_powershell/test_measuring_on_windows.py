@@ -117,7 +117,7 @@ def test_killed_receiver_ends_measuring(cell: RarmsOnWindows, host: WindowsHost)
     measuring = cell.python("-c", DRIVER, script_of(cell), "1000000")
     assert measuring.stdout is not None
     measuring.stdout.readline()
-    assert {vm.name for vm in host.vms.values()} == {"rarms-p1", "rarms-p2", "rarms-p2b"}
+    assert {vm.name for vm in host.vms.values()} == {"rarms-p1", "rarms-p2", "rarms-p2b", "rarms-p2c"}
 
     cell.kill("pwsh.exe", word="-EncodedCommand")
 

@@ -67,7 +67,7 @@ class LogSubject:
     load: Interference
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
     confinement: str = CONFINEMENT  # how P1 is held to CR there
-    load_parts: int = 1  # partitions that P2 is
+    load_parts: int = 1  # the most partitions that P2 is
     fixes_processors: bool = True  # whether the manifest does: otherwise each setting says its own number
 
 

@@ -14,8 +14,8 @@ function Invoke-RarmsMeasuring {
     try {
         Initialize-Run -Run $Run
         $script:Tests = @()         # test partitions, in the order of the reserves in a setting
-        $script:TestFolder = '[\\/]rarms-p(?:1|2b?)(\.rarms-0{12})?$'
-        $script:TestDisk = '[\\/]rarms-p(?:1|2b?)-0{12}\.vhdx?$'
+        $script:TestFolder = '[\\/]rarms-p(?:1|2[bc]?)(\.rarms-0{12})?$'
+        $script:TestDisk = '[\\/]rarms-p(?:1|2[bc]?)-0{12}\.vhdx?$'
         $script:Works = @()         # components and loads inside guests
         $script:Sessions = Get-OrdinalTable  # by number of a component or load: the session into its guest
         $script:Secrets = Get-OrdinalTable  # by name: the user and password of a guest

@@ -61,7 +61,7 @@ function Remove-TestPartition {
     foreach ($vm in @(Hyper-V\Get-VM)) {
         $mark = Get-Mark -Vm $vm
         $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
-        if (-not ($called -cmatch '^rarms-p(?:1|2b?)\.rarms-0{12}$')) { continue }
+        if (-not ($called -cmatch '^rarms-p(?:1|2[bc]?)\.rarms-0{12}$')) { continue }
         if (Get-Tie -Vm $vm) { continue }
         $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Microsoft.PowerShell.Core\Where-Object -FilterScript {
             [string] $_.Path -cmatch $script:TestDisk

@@ -24,7 +24,7 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, Interference
-from rarms_iac.model.setting import P1, P2, P2_SECOND, EnvironmentSetup, SettingEvidence
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, EnvironmentSetup, SettingEvidence
 from rarms_iac.model.state import RunState, State
 from rarms_iac.providers.cgroups.definitions import slice_limit
 from rarms_iac.providers.interface import HostRefused
@@ -141,15 +141,16 @@ def shares(room: MeasuringResources, load: Interference, reserve: int, processor
 
 
 BURSTS = LOADS_WITHOUT_ENTRY["bursts-20"]
+SECOND = LOAD_PARTITIONS[1]
 
 
-def test_second_part_reserves_processors_that_p1_has_no_vp_on() -> None:
+def test_last_part_reserves_processors_that_p1_has_no_vp_on() -> None:
     """P1 has one of two: P2 can reserve no more of each LP than P1 leaves of its own."""
     room = the_room()
 
     assert processors_of_load(room, a_setup(processors=1), BURSTS, 2) == (2, 1)
-    assert shares(room, BURSTS, 48, processors=1) == {P2: 52, P2_SECOND: 48}
-    assert shares(room, BusyLoop(), 48, processors=1) == {P2: 52, P2_SECOND: 48}
+    assert shares(room, BURSTS, 48, processors=1) == {P2: 52, SECOND: 48}
+    assert shares(room, BusyLoop(), 49, processors=1) == {P2: 26, SECOND: 25, LOAD_PARTITIONS[2]: 49}
     share = load_share(room, a_setup(processors=1), 48, (2, 1))
     assert share is not None
     assert (share.processors, share.others) == (Fraction(152, 100), Fraction(48, 100))
@@ -158,7 +159,7 @@ def test_second_part_reserves_processors_that_p1_has_no_vp_on() -> None:
 def test_parts_divide_the_rest_where_p1_has_every_processor() -> None:
     room = the_room()
 
-    assert shares(room, BusyLoop(), 47, processors=2) == {P2: 27, P2_SECOND: 26}
+    assert shares(room, BusyLoop(), 47, processors=2) == {P2: 27, SECOND: 26}
     assert shares(room, BURSTS, 47, processors=2) == {P2: 53}
 
 
@@ -167,7 +168,7 @@ def test_load_next_to_layout_reserves_processors_without_a_partition() -> None:
     everywhere = the_room(partition(settings("eyes", reserve=48, processors=2, running=True)))
 
     for room, parts, reserves in (
-        (alone, (2, 1), {P2: 52, P2_SECOND: 48}),
+        (alone, (2, 1), {P2: 52, SECOND: 48}),
         (everywhere, (2,), {P2: 52}),
     ):
         found, share = share_next_to_layout(room, BURSTS, 0, 2)
