@@ -36,7 +36,7 @@ def hear(talk, *words):
 with LocalTransport("cell").session(bundle, ("-AsJson", "-Force")) as talk:
     hear(talk, '"ready"')
     for number in range(int(sys.argv[2])):
-        setting = f"{2 * number + 1} run {20 + number % 40} 20 20."
+        setting = f"{2 * number + 1} run {20 + number % 40} 20 20 20."
         talk.send(setting.encode())
         hear(talk, setting, '"begun"')
         hear(talk, setting, "ended ")
