@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import Literal, Protocol
 
 from rarms_iac.applying.run_report import RunReporter
@@ -50,6 +51,8 @@ class WorkBegun:
     units: int
     more_follows: bool = False  # a later pass measures the same again, more precisely
     at_most: bool = False  # answers may end the work earlier
+    unit_ms: float = inf  # longest time of a unit, by the user's clock; infinite: unknown
+    later_ms: float = 0.0  # longest time of later passes
 
 
 UnitEnding = Literal["met", "provisional", "missed", "inconclusive", "no answer", "measured", "too many failed samples"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from fractions import Fraction
 from itertools import groupby
+from math import inf
 from pathlib import Path
 from typing import Literal
 
@@ -56,7 +57,7 @@ from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, 
 from rarms_iac.measuring.setting_run import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.stopping import starting_again
 from rarms_iac.measuring.strategies import Method, Search
-from rarms_iac.measuring.units import Units, describe_work, longest_ms
+from rarms_iac.measuring.units import Units, describe_work, is_simulated, longest_later_ms, longest_ms
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
@@ -232,9 +233,9 @@ def _measure_all(
     started = [(experiment.host, name) for experiment in experiments for name in experiment.setup.members]
     found = _Found(findings=[*start_warnings_of(hosts.manifest, started)])
     names = [experiment.host.name for experiment in experiments]
-    if has_passes(request) and prompt is None and not request.quick:
+    if has_passes(request) and prompt is None:
         say = session.control.reporter.message
-        longest = Announced(work="The measurement", most_ms=longest_ms(groups), say=say)
+        longest = Announced(work="The measurement", most_ms=longest_ms(groups, quick=request.quick), say=say)
         session = replace(session, announced=longest)
     with hold_measuring_hosts(session, names) as held, starting_again(held) as still_stopped:
         asked, method = describe_request(request), method_of(request)
@@ -274,7 +275,12 @@ def _measure_precisely(
     found: _Found,
 ) -> None:
     """Measure partition after partition by the request's method; add what is found."""
-    units = Units(reporter=held.control.reporter.settings, of=sum(map(len, groups)))
+    known = has_passes(request) and prompt is None and not any(map(is_simulated, groups))
+    units = Units(
+        reporter=held.control.reporter.settings,
+        of=sum(map(len, groups)),
+        longest_ms=max(map(longest_later_ms, groups)) if known else inf,
+    )
     for loads in groups:
         look = next((look for look in found.looks if is_of(look, loads)), ())
         began = (decisive(look).reserve if look else None) or 0

@@ -14,7 +14,7 @@ from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.run_experiment import run_experiment
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.strategies import FirstPass
-from rarms_iac.measuring.units import Units, describe_processors
+from rarms_iac.measuring.units import Units, describe_processors, is_simulated, longest_first_ms, longest_later_ms
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.loads import load_of_first_pass
 from rarms_iac.model.outcomes import Stopped
@@ -35,7 +35,14 @@ def first_pass(
     """
     found: list[tuple[ExperimentResult, ...]] = []
     ordered = tuple(map(begin_with_hardest, groups))
-    units = Units(reporter=session.control.reporter.settings, of=sum(map(len, groups)), more_follows=more_follows)
+    known = not any(map(is_simulated, groups))  # how long it takes by the user's clock
+    units = Units(
+        reporter=session.control.reporter.settings,
+        of=sum(map(len, groups)),
+        more_follows=more_follows,
+        longest_ms=max(map(longest_first_ms, groups)) if known else inf,
+        later_ms=sum(len(group) * longest_later_ms(group) for group in groups) if more_follows else 0.0,
+    )
     for group in ordered:
         found.append(_look_with(session, group, (), 1, units))
         if any(each.stopped for each in found[-1]):

@@ -2,18 +2,20 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from math import isinf
+from math import inf, isinf
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, UnitEnding, UnitValue, WorkBegun
-from rarms_iac.measuring.duration import forecast
+from rarms_iac.measuring.duration import forecast, settings_to_run
 from rarms_iac.measuring.evidence import measured_indexes
 from rarms_iac.measuring.measure_request import ExperimentResult
 from rarms_iac.measuring.search.bracketing import MOST
+from rarms_iac.measuring.strategies import FirstPass
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import NotAchievable, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.statistics.first_look import point_estimate
+from rarms_iac.model.run import Periodic
+from rarms_iac.statistics.first_look import LEAST_SAMPLES, LONGEST_MS, point_estimate
 from rarms_iac.texts.messages import counted, in_a_row
 
 
@@ -24,10 +26,13 @@ class Units:
     reporter: MeasuringReporter
     of: int
     more_follows: bool = False
+    longest_ms: float = inf  # of one unit, by the user's clock; infinite: unknown
+    later_ms: float = 0.0  # longest time of the passes that follow
     _ended: int = field(default=0)
 
     def __post_init__(self) -> None:
-        self.reporter.work_begun(WorkBegun(units=self.of, more_follows=self.more_follows))
+        work = WorkBegun(units=self.of, more_follows=self.more_follows, unit_ms=self.longest_ms, later_ms=self.later_ms)
+        self.reporter.work_begun(work)
 
     def add(self, result: ExperimentResult) -> None:
         """Report that a unit has its result; one that was stopped is none."""
@@ -109,32 +114,52 @@ USUAL_MS, USUAL_FURTHER_MS = 45_000, 15_000
 """The host's time that the first pass takes for a partition with one load, and with each further one: the medians of
 random components."""
 
+START_AND_STOP_MS = 5_000
+"""The time for the start and the stop of components and loads, in a setting of the first pass."""
+
 
 def describe_work(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> str:
-    """Return the sentence with which measuring begins: how much there is, and the longest it may take in all.
+    """Return the sentence with which measuring begins: how much there is, and how long it takes.
 
     Args:
         groups: the experiments of each partition, one a load.
         quick: there is only the first pass.
     """
-    hosts = {group[0].host.name: group[0].host.provider is ProviderKind.SIMULATED for group in groups}
-    names = in_a_row([f"{name} (simulated)" if is_simulated else name for name, is_simulated in hosts.items()])
+    hosts = {group[0].host.name: is_simulated(group) for group in groups}
+    names = in_a_row([f"{name} (simulated)" if simulated else name for name, simulated in hosts.items()])
     components = counted(sum(len(group[0].setup.members) for group in groups), "component")
     most_loads = max(len(group) for group in groups)
     loads = f" x {most_loads} loads" if most_loads > 1 else ""
-    usual_ms = _usual_ms(groups)
+    usual_ms = sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
     clock = " of host time" if any(hosts.values()) else ""  # a simulated host's clock is not the user's
-    time = forecast(usual_ms, usual_ms if quick else longest_ms(groups))
-    return f"Measuring {components}{loads} on {names}: {time}{clock}."
+    return f"Measuring {components}{loads} on {names}: {forecast(usual_ms, longest_ms(groups, quick=quick))}{clock}."
 
 
-def _usual_ms(groups: Sequence[Sequence[Experiment]]) -> float:
-    return sum(USUAL_MS + USUAL_FURTHER_MS * (len(group) - 1) for group in groups)
+def is_simulated(group: Sequence[Experiment]) -> bool:
+    """Tell whether the time of these experiments is not the user's."""
+    return group[0].host.provider is ProviderKind.SIMULATED
 
 
-def longest_ms(groups: Sequence[Sequence[Experiment]]) -> float:
-    """Return the longest time of all passes, by the clocks of the hosts: every setting uses its whole budget."""
-    return _usual_ms(groups) + sum(MOST * len(group) * group[0].budget.most_ms for group in groups)
+def longest_ms(groups: Sequence[Sequence[Experiment]], *, quick: bool) -> float:
+    """Return the longest time of all passes, by the clocks of the hosts: each asks for all settings that it may."""
+    first = sum(len(group) * longest_first_ms(group) for group in groups)
+    return first if quick else first + sum(len(group) * longest_later_ms(group) for group in groups)
+
+
+def longest_first_ms(group: Sequence[Experiment]) -> float:
+    """Return the longest time of a partition with one load in the first pass.
+
+    A setting ends at `LONGEST_MS`, or with `LEAST_SAMPLES` of a long period.
+    """
+    settings = settings_to_run(FirstPass(), (), 100, shows_processors=not group[0].fixes_processors).most
+    periods = [float(run.arrival.period) for run in group[0].runs.values() if isinstance(run.arrival, Periodic)]
+    start_ms = 0 if is_simulated(group) else START_AND_STOP_MS
+    return settings * (max(LONGEST_MS, LEAST_SAMPLES * max(periods, default=0.0)) + start_ms)
+
+
+def longest_later_ms(group: Sequence[Experiment]) -> float:
+    """Return the longest time of a partition with one load in the later passes: each setting uses its whole budget."""
+    return MOST * group[0].budget.most_ms
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:

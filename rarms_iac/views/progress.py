@@ -1,6 +1,7 @@
 """What is shown while components run: each setting of a measurement, and each sample of `rarms run` as it happens."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, RemainingSettings, WorkBegun
@@ -20,7 +21,7 @@ from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.texts.indexes import short_name, show_value
 from rarms_iac.texts.messages import STREAM_NAMES, counted, natural_order
-from rarms_iac.texts.quantities import show_number, show_processors
+from rarms_iac.texts.quantities import show_bytes, show_duration, show_number, show_processors
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.measure import show_estimate
 from rarms_iac.views.table import Column, LiveRow, Table
@@ -60,6 +61,7 @@ class MeasuringProgress(MeasuringReporter):
         self._units = self._ended = 0
         self._took: tuple[float, ...] = ()  # seconds of each unit of this pass
         self._more_follows = self._at_most = False
+        self._unit_ms, self._later_ms = inf, 0.0  # longest times
         self._provisional: dict[str, str] = {}  # answers of the first pass, by their subject
 
     def work_begun(self, work: WorkBegun) -> None:
@@ -68,6 +70,7 @@ class MeasuringProgress(MeasuringReporter):
             answers = ", ".join(f"{name} {answer}" for name, answer in self._provisional.items())
             self._say(paragraph(f"First pass: {answers}."))
         self._more_follows, self._at_most, self._provisional = work.more_follows, work.at_most, {}
+        self._unit_ms, self._later_ms = work.unit_ms, work.later_ms
         self._units, self._ended, self._took = work.units, 0, ()
         self._unit_began = self._clock()
 
@@ -91,14 +94,14 @@ class MeasuringProgress(MeasuringReporter):
         """Show the running setting where it can be updated."""
         self._began, self._remaining = self._clock(), remaining
         if self._live is not None:
-            self._live.show((self._numbered(experiment), _setting(experiment, reserve), f"...{self._all_left()}"))
+            self._live.show((self._numbered(experiment), _setting(experiment, reserve), self._all_left() or "..."))
 
     def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
             left = self._all_left() or self._time_left(experiment, reserve, seen)
-            progress = f"{samples_of(seen)}, {values}{left}"
+            progress = ", ".join(filter(None, [left, values, samples_of(seen)]))  # the end may be cut off
             self._live.show((self._numbered(experiment), _setting(experiment, reserve), progress))
         elif (now := self._clock()) - self._said >= BETWEEN_SAMPLES:
             self._said = now
@@ -119,7 +122,8 @@ class MeasuringProgress(MeasuringReporter):
             for index in measured_indexes(setting, experiment)
         )
         took = show_seconds(now - self._began)
-        done = f"{samples_of(series)}, {values or 'measured'}, in {took}{_describe_remaining(remaining)}"
+        left = self._of_load(_describe_remaining(remaining))
+        done = ", ".join(filter(None, [samples_of(series), values or "measured", f"in {took}", left]))
         self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
@@ -137,12 +141,12 @@ class MeasuringProgress(MeasuringReporter):
             return
         named = sorted(seen.items(), key=lambda each: natural_order(each[0]))
         samples = f"samples of {', '.join(f'{name} {len(series.samples)}' for name, series in named)}"
-        number = self._number()
+        number, left = self._number(), self._all_left()
         if self._live is not None:
-            self._live.show((f"{number}{subject}", f"{samples}{self._all_left()}"))
+            self._live.show((f"{number}{subject}", ", ".join(filter(None, [left, samples]))))
         else:
             self._said = now
-            self._say(paragraph(f"{number}{subject}: {samples}{self._all_left()}"))
+            self._say(paragraph(f"{number}{subject}: {', '.join(filter(None, [samples, left]))}"))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
@@ -150,31 +154,53 @@ class MeasuringProgress(MeasuringReporter):
             self._live.hide()
 
     def _numbered(self, experiment: Experiment) -> str:
-        return f"{self._number()}{_subject(experiment)}"
+        return f"{self._number()}{experiment.name}  {experiment.setup.interference}"
 
     def _number(self) -> str:
         """Write which unit of work runs; empty after the last one, and where their number is not known."""
         return f"[{self._ended + 1}/{self._units}] " if self._ended < self._units else ""
 
     def _all_left(self) -> str:
-        """Write how long all units of this pass may yet take, by those that ended; empty before two have ended."""
-        if len(self._took) < _TELLING or self._ended >= self._units:
+        """Write how long all units may yet take: at most by their longest time, at least by those that ended.
+
+        Without a longest time, units of this pass that ended give both. Empty if nothing is known.
+        """
+        if self._ended >= self._units:
             return ""
+        rest, running = self._units - self._ended, self._clock() - self._unit_began
+        least, most = self._by_ended(rest, running)
+        if self._unit_ms < inf:
+            bound = (rest - 1) * self._unit_ms + max(0.0, self._unit_ms - 1000 * running) + self._later_ms
+            least = 0.0 if self._later_ms else min(least, bound)
+            return f"{show_duration(least)} to {show_duration(bound)} left" if least else _at_most(bound)
+        return f"{forecast(0.0 if self._at_most else least, most)} left" if most else ""
+
+    def _by_ended(self, rest: int, running: float) -> tuple[float, float]:
+        """Return the least and longest ms of the units left, by the units that ended; 0 before two have ended."""
+        if len(self._took) < _TELLING:
+            return 0.0, 0.0
         ordered = sorted(self._took)
         quick, slow = ordered[len(ordered) // 4], ordered[-1]
-        rest, running = self._units - self._ended, self._clock() - self._unit_began
         least, most = (max(0.0, 1000 * (rest * each - min(running, each))) for each in (quick, slow))
-        return f", {forecast(0.0 if self._at_most else least, most)} left" if most else ""
+        return least, most
 
     def _time_left(self, experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> str:
         """Write the experiment's time left at the speed so far; during the first setting, that setting's."""
         took = self._clock() - self._began
         if self._remaining is not None:
-            return _describe_remaining(self._remaining, took)
+            return self._of_load(_describe_remaining(self._remaining, took))
         done = share_done(experiment, reserve, series)
         if not 0 < done < 1 or took < 1:
             return ""
-        return f", at most {show_seconds(took * (1 - done) / done)} left"
+        return f"at most {show_seconds(took * (1 - done) / done)} left in this setting"
+
+    def _of_load(self, left: str) -> str:
+        """Say of a time left that it is of one load, if other units follow."""
+        return f"{left} with this load" if left and self._units - self._ended > 1 else left
+
+
+def _at_most(milliseconds: float) -> str:
+    return f"at most {show_duration(milliseconds)} left" if milliseconds else ""
 
 
 def unit_line(unit: FinishedUnit) -> str:
@@ -192,7 +218,7 @@ def unit_line(unit: FinishedUnit) -> str:
 
 
 def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) -> str:
-    """Write as `, 12 s to about 40 s left`; empty if this is unknown or nothing is left.
+    """Write as `12 s to about 40 s left`; empty if this is unknown or nothing is left.
 
     A setting that takes longer than those before may end at once.
     """
@@ -200,7 +226,7 @@ def _describe_remaining(remaining: RemainingSettings | None, took: float = 0.0) 
         return ""
     of_this = min(took, remaining.setting_seconds)
     least, most = (1000 * (count * remaining.setting_seconds - of_this) for count in (remaining.least, remaining.most))
-    return f", {forecast(least, most)} left" if most > 0 else ""
+    return f"{forecast(least, most)} left" if most > 0 else ""
 
 
 def share_done(experiment: Experiment, reserve: ReservePercent, series: Mapping[str, Series]) -> float:

@@ -263,7 +263,7 @@ def test_running_setting_counts_down_by_those_before_it(now: float, text: str) -
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert f"50 samples, mean 98 ms, {text}" in shown
+    assert f"vision  busy-loop  1.24 LP  {text}, mean 98 ms, 50 samples" in shown
 
 
 def test_repeated_setting_says_what_it_adds() -> None:

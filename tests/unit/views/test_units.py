@@ -89,7 +89,31 @@ def test_time_left_of_work_that_may_end_early(at_most: bool, left: str) -> None:
         progress.unit_ended(a_unit(number))
     progress.proof_samples_came("onboard", None, {})
 
-    assert row.row[-1].endswith(f", {left}")
+    assert row.row[-1].startswith(f"{left}, ")
+
+
+def test_bound_left_counts_every_later_unit() -> None:
+    now, row = [0.0], Row()
+    progress = MeasuringProgress(lambda _content: None, lambda: now[0], row)
+    left = []
+    progress.work_begun(WorkBegun(units=3, unit_ms=180_000))
+    for number in (1, 2):
+        progress.proof_samples_came("onboard", None, {})
+        left.append(row.row[-1])
+        now[0] += 60.0
+        progress.unit_ended(replace(a_unit(number), of=3))
+    now[0] += 10.0
+    progress.proof_samples_came("onboard", None, {})
+    left.append(row.row[-1])
+    progress.work_begun(WorkBegun(units=3, more_follows=True, unit_ms=180_000, later_ms=7_200_000))
+    progress.proof_samples_came("onboard", None, {})
+
+    assert [each.partition(",")[0] for each in (*left, row.row[-1])] == [
+        "at most 9 min left",
+        "at most 6 min left",
+        "50 s to 3 min left",
+        "at most 2 h 9 min left",
+    ]
 
 
 def test_beginning_names_the_work_and_its_bound() -> None:
@@ -100,8 +124,8 @@ def test_beginning_names_the_work_and_its_bound() -> None:
     ]
 
     begins = "Measuring 2 components x 2 loads on onboard (simulated)"
-    assert describe_work(groups, quick=True) == f"{begins}: about 2 min of host time."
-    assert describe_work(groups, quick=False) == f"{begins}: 2 min to about 5 h 22 min of host time."
+    assert describe_work(groups, quick=True) == f"{begins}: 2 min to about 9 min of host time."
+    assert describe_work(groups, quick=False) == f"{begins}: 2 min to about 5 h 29 min of host time."
 
 
 def test_line_has_the_value_nearest_to_its_threshold() -> None:
