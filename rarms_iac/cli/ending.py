@@ -128,4 +128,4 @@ class Interrupts:
 def confirm_signal(stream: TextIO) -> None:
     """Tell the person at once, past the stream's buffer, which the signal may have come upon: a step may take long."""
     with contextlib.suppress(OSError, ValueError):
-        os.write(stream.fileno(), b"\nStopping after the running step. A second Ctrl-C stops at once.\n")
+        os.write(stream.fileno(), b"\nStopping. A second Ctrl-C stops at once.\n")

@@ -114,17 +114,10 @@ def with_result(
     before = results[number]
     if result.stopped:
         return (*results[:number], replace(before, is_interrupted=True), *results[number + 1 :])
-    further = replace(
-        result, so_far=before.so_far, of_loads=before.of_loads, new=_new(before, result), is_confirmed=True
-    )
+    further = replace(result, so_far=before.so_far, of_loads=before.of_loads, is_confirmed=True)
     if result.reserve != before.reserve:
         return (*results[:number], replace(further, is_confirmed=False))
     return (*results[:number], further, *results[number + 1 :])
-
-
-def _new(before: ExperimentResult, further: ExperimentResult) -> int:
-    """Return how many settings of a result were run now, some of them by the experiment that it goes on from."""
-    return max(before.new + len(further.settings) - len(before.settings), further.new)
 
 
 def after_loads(results: Sequence[ExperimentResult], experiment: Experiment) -> Experiment:

@@ -41,6 +41,7 @@ from rarms_iac.measuring.measure_request import (
     has_passes,
     method_of,
     refuses_weak_loads,
+    settings_of,
 )
 from rarms_iac.measuring.on_robot import ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import weak_answer, work_of_settings
@@ -347,7 +348,7 @@ def _answer_findings(hosts: Hosts, of_loads: Sequence[ExperimentResult]) -> Iter
         yield weak_answer(hosts, answer.components, idle, answer.experiment.host)
     places = hosts.manifest.places
     yield from findings_of(answer.experiment, answer.conclusion, answer.settings, places)
-    yield from work_of_settings(answer.experiment, [each for loads in of_loads for each in loads.settings], places)
+    yield from work_of_settings(answer.experiment, *settings_of(of_loads), places)
 
 
 def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tuple[PlanScript, ...]:

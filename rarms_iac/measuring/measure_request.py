@@ -1,6 +1,6 @@
 """What `rarms measure` is asked for, as experiments: which components together, on which host, against which load."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -106,7 +106,7 @@ class ExperimentResult:
     experiment: Internal[Experiment]
     conclusion: Internal[Conclusion]
     settings: Internal[tuple[Setting, ...]]  # all that decide its end
-    new: int  # how many of them were run now
+    run_now: Internal[frozenset[ReservePercent]]  # those of them that this command ran, also in part
     planned: int | None  # what a plan reserves by the curve
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
@@ -117,6 +117,11 @@ class ExperimentResult:
     is_provisional: bool = False  # of the first pass: estimates without bounds, with one load
     is_weak: bool = False  # no answer: its loads left processors idle, and that was not wanted
     provisional_lp: Fraction | None = None  # what a plan reserves by the estimates of the first pass, with every load
+
+    @output
+    def new(self) -> int:
+        """How many settings this command ran."""
+        return len(self.run_now)
 
     @output
     def components(self) -> tuple[str, ...]:
@@ -250,6 +255,12 @@ class ExperimentResult:
             )
             for setting in self.settings
         )
+
+
+def settings_of(results: Iterable[ExperimentResult]) -> tuple[list[Setting], list[Setting]]:
+    """Return the settings of these results, and those of them that this command ran."""
+    pairs = [(result, setting) for result in results for setting in result.settings]
+    return [each for _, each in pairs], [each for result, each in pairs if each.reserve in result.run_now]
 
 
 def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Experiment, ...]:

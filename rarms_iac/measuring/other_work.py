@@ -63,18 +63,15 @@ MOST_BEHIND_MS = 10_000.0
 
 
 def work_of_evidence(
-    names: Sequence[str], evidence: Sequence[SettingEvidence], places: Places, *, reserved: bool = True
+    names: Sequence[str], evidence: Sequence[SettingEvidence], places: Places, others: Sequence[SettingEvidence]
 ) -> Iterator[Diagnostic]:
     """Find work outside of the components' groups, processes killed for memory, and messages of other clocks.
 
     Args:
         evidence: Counts of the host, of each setting or start; entries of one process and group are added up.
-        reserved: whether the components ran in partitions; without, other programs' work says nothing about them.
+        others: the evidence whose other programs are named: of this command, with the components in partitions.
     """
-    found = add_up(replace(work, group=_ID.sub("*", work.group)) for each in evidence for work in each.outside)
-    escaped = [work for work in found if work.component]
-    others = [work for work in found if not work.component]
-    if escaped:
+    if escaped := [work for work in _outside(evidence) if work.component]:
         yield WORK_OUTSIDE.at(
             places.key("components", names[0]),
             "Processes of {_left} left their control group: {_processes:;}. The reservation does not apply to them.",
@@ -83,13 +80,13 @@ def work_of_evidence(
             **_facts_of_work(names, escaped),
             _left=in_a_row(sorted({work.component for work in escaped})),
         )
-    if others and reserved:
+    if busy := [work for work in _outside(others) if not work.component]:
         yield BUSY_HOST.at(
             places.key("components", names[0]),
             "While {_names} ran, other programs used more processor time: {_processes:;}.",
             f"If one of these programs does the work of {in_a_row(names)}, start it in the same partition. "
             "Otherwise no action is needed.",
-            **_facts_of_work(names, others),
+            **_facts_of_work(names, busy),
             _names=in_a_row(names),
         )
     killed = Counter[str]()
@@ -109,6 +106,10 @@ def work_of_evidence(
     for component, seen in sorted(threads.items()):
         yield _threads_without_priority(component, seen, places)
     yield from _messages_of_other_clocks(evidence, places)
+
+
+def _outside(evidence: Sequence[SettingEvidence]) -> Sequence[OutsideWork]:
+    return add_up(replace(work, group=_ID.sub("*", work.group)) for each in evidence for work in each.outside)
 
 
 def _facts_of_work(names: Sequence[str], found: Sequence[OutsideWork]) -> dict[str, Any]:
@@ -169,14 +170,17 @@ def _messages_of_other_clocks(evidence: Sequence[SettingEvidence], places: Place
             )
 
 
-def work_of_settings(experiment: Experiment, settings: Sequence[Setting], places: Places) -> Iterator[Diagnostic]:
+def work_of_settings(
+    experiment: Experiment, settings: Sequence[Setting], now: Sequence[Setting], places: Places
+) -> Iterator[Diagnostic]:
     """Find work outside of P1, components that wait, kills for memory and stamps of other clocks.
 
     Args:
         settings: All settings, with one load or several.
+        now: Those that this command ran. Other programs are named only for these.
     """
-    evidence = [setting.evidence for setting in settings if setting.evidence is not None]
-    yield from work_of_evidence(experiment.setup.members, evidence, places)
+    evidence, others = ([each.evidence for each in of if each.evidence is not None] for of in (settings, now))
+    yield from work_of_evidence(experiment.setup.members, evidence, places, others)
     by_reserve: dict[str, dict[int, list[Series]]] = {}
     for setting in settings:
         if setting.evidence is not None:

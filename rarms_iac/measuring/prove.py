@@ -455,7 +455,7 @@ def _work_findings(hosts: Hosts, proofs: Sequence[LayoutProof]) -> Iterator[Diag
     for of_host in by_host.values():
         names = [component.name for component in of_host[0].layout.components]
         evidence = [each for proof in of_host for each in proof.evidence]
-        yield from work_of_evidence(names, evidence, places)
+        yield from work_of_evidence(names, evidence, places, evidence)
 
 
 def _prove(

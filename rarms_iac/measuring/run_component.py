@@ -215,7 +215,8 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
                 results += ran
                 names = [each.component.name for each in ran]
                 reserved = all(places[name] != ProcessPlace() for name in names)
-                findings += work_of_evidence(names, [ran[0].evidence], manifest.places, reserved=reserved)
+                evidence = [ran[0].evidence]
+                findings += work_of_evidence(names, evidence, manifest.places, evidence if reserved else ())
     except (LoadEnded, CannotStart) as problem:
         if isinstance(problem, CannotStart) and problem.component in system.components:
             finding = cannot_start(manifest, problem)

@@ -125,7 +125,6 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
         OSError: The log cannot be written.
     """
     session, experiment, new = run.session, run.experiment, 0
-    run_now: set[ReservePercent] = set()
     known = run.log.seen if isinstance(run.method, FirstPass) else run.log.known
     reporter, times = session.control.reporter.settings, session.wall_times
     remeasurement = None if isinstance(run.method, FirstPass) else session.remeasurements.get(run.log.path)
@@ -145,7 +144,7 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
                 continue
             step = _next_step(run, decision, known.settings, new)
             if not isinstance(step, Measure):
-                return _result(run, step, known.settings, len(run_now))
+                return _result(run, step, known.settings)
             if site is None:
                 site = _prepared(run, seed)
                 announced = _announce(run)
@@ -154,12 +153,12 @@ def measure_settings(run: ExperimentRun) -> ExperimentResult | ProcessorNumber:
             reporter.setting_started(experiment, step.reserve, remaining)
             setting = run_setting(site, step, known, begun_before(step.reserve, seen))
             if not isinstance(setting, Setting):
-                return _result(run, setting, known.settings, len(run_now))
+                return _result(run, setting, known.settings)
             seconds = times.clock() - began
             times.add(experiment, seconds)
             run.log.add(setting, tuple(each.shown_name for each in run.available.running))
             known, new = known.with_run(setting), new + 1
-            run_now.add(setting.reserve)
+            session.recorded.add((run.log.path, setting.reserve))
             remaining = times.remaining(experiment, run.count, new, running=0)
             reporter.setting_ended(experiment, known.at(setting.reserve), remaining)
             spent_ms = setting.host_ms if experiment.host.provider is ProviderKind.SIMULATED else 1000 * seconds
@@ -180,7 +179,7 @@ def _next_step(
     return Stopped() if run.session.control.stop.should_stop() else decision
 
 
-def _result(run: ExperimentRun, conclusion: Conclusion, settings: tuple[Setting, ...], new: int) -> ExperimentResult:
+def _result(run: ExperimentRun, conclusion: Conclusion, settings: tuple[Setting, ...]) -> ExperimentResult:
     """Return the end of an experiment; that of a first pass is provisional if verdicts do not show a reservation."""
     experiment, is_first_pass = run.experiment, isinstance(run.method, FirstPass)
     least = least_shown(experiment, settings)
@@ -189,7 +188,7 @@ def _result(run: ExperimentRun, conclusion: Conclusion, settings: tuple[Setting,
         experiment=experiment,
         conclusion=conclusion,
         settings=settings,
-        new=new,
+        run_now=frozenset(each.reserve for each in settings if (run.log.path, each.reserve) in run.session.recorded),
         planned=answer if is_first_pass and answer is not None else least,
         conditions=() if answer is None else conditions_at(settings, goal_of(experiment), answer),
         is_provisional=is_first_pass and (answer is None or least is None),

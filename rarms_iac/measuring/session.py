@@ -21,6 +21,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.experiment import Experiment
 from rarms_iac.model.host import Host, ProviderKind, SimulatedHost
 from rarms_iac.model.loads import Interference
+from rarms_iac.model.quantities import ReservePercent
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import MeasuringHost, StepwiseMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
@@ -40,6 +41,7 @@ class MeasuringSession:
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     wall_times: WallTimes = field(default_factory=WallTimes)  # of the settings that this command has run
     announced: Announced = field(default_factory=nothing_announced)  # for all settings of the command
+    recorded: set[tuple[Path, ReservePercent]] = field(default_factory=set)  # settings that this command ran, by log
     held_hosts: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
 
     @property

@@ -14,7 +14,7 @@ from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.measuring.duration import Announced, least_ms
 from rarms_iac.measuring.each_load import after_loads
 from rarms_iac.measuring.findings import why_out_of_memory
-from rarms_iac.measuring.measure_request import ExperimentResult, loads_for
+from rarms_iac.measuring.measure_request import ExperimentResult, loads_for, settings_of
 from rarms_iac.measuring.other_work import work_of_settings
 from rarms_iac.measuring.partitions import highest_reserve, host_resources
 from rarms_iac.measuring.passes import begin_with_hardest
@@ -343,8 +343,7 @@ class Experiments:
         """Find compounds whose work ran outside of their partition, or that lacked memory."""
         for members in sorted({members for members, _ in self._measured_with}):
             results = [result for (names, _), result in self._measured_with.items() if names == members]
-            settings = [setting for result in results for setting in result.settings]
-            yield from work_of_settings(results[0].experiment, settings, places)
+            yield from work_of_settings(results[0].experiment, *settings_of(results), places)
 
     def worse(self, members: Members, reserve: ReservePercent) -> frozenset[str]:
         """Run this setting, unless its answer is known.

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-STOPPED = "Stopped. Complete results are saved; those of the running step are not. Run the same command to continue."
+STOPPED = "Stopped. All complete results are saved. Run the same command to continue."
 """The message after a measurement that a person ended."""
 
 STREAM_NAMES = {"stdout": "standard output", "stderr": "standard error"}

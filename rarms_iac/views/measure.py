@@ -163,18 +163,28 @@ def _judged(by_load: Sequence[ExperimentResult]) -> _Answer:
         case Swept():
             state = ""
         case Stopped():
-            amount = "-" if result.planned is None else _amount(result, result.planned)
-            return _Answer(result=result, amount=amount, at=result.planned, state=_stopped(result), details=(loads,))
+            at = result.planned if result.planned is not None else _provisional(result)
+            amount = "-" if at is None else _amount(result, at)
+            return _Answer(result=result, amount=amount, at=at, state=_stopped(result, at), details=(loads,))
         case _:
             assert_never(result.conclusion)
     return _Answer(result=result, state="; ".join(filter(None, [state, _planned(result, None)])), details=(loads,))
 
 
-def _stopped(result: ExperimentResult) -> str:
+def _provisional(result: ExperimentResult) -> int | None:
+    """Return the setting that a plan reserves by estimates, in per cent; None: none of these settings."""
+    processors = result.experiment.setup.processors
+    seen = (each.reserve for each in result.settings)
+    return next((each for each in seen if guaranteed(each, processors) == result.provisional_lp), None)
+
+
+def _stopped(result: ExperimentResult, at: int | None) -> str:
     """Say what is known of a search that did not end; without a new setting it is the answer of an earlier run."""
-    if result.planned is None:
+    if at is None:
         return "stopped"
-    amount = _amount(result, result.planned)
+    amount = _amount(result, at)
+    if result.planned is None:
+        return f"stopped; {amount} is the estimate of the settings so far"
     if result.new:
         return f"stopped; {amount} meets the threshold so far"
     return f"stopped; {amount} is from an earlier run"

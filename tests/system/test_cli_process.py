@@ -127,7 +127,7 @@ def test_signal_stops_after_running_step_and_apply_finishes(manifest: Path, numb
 
     assert process.returncode == code, said.decode()
     plain = " ".join(said.decode().split())  # as wide as the terminal
-    assert "Stopping after the running step. A second Ctrl-C stops at once." in plain
+    assert "Stopping. A second Ctrl-C stops at once." in plain
     assert "Stopped after the current step." in plain
     assert "rarms undo" in plain
     assert "Traceback" not in plain

@@ -24,7 +24,7 @@ from tests.builders import PathPlaces
     ],
 )
 def test_threads_without_priority_are_named(seen: ThreadsSeen, detail: str, advice: str) -> None:
-    (found,) = work_of_evidence(["arm"], [SettingEvidence(threads={"arm": seen})], PathPlaces())
+    (found,) = work_of_evidence(["arm"], [SettingEvidence(threads={"arm": seen})], PathPlaces(), [])
 
     assert (found.code, found.detail) == ("RARMS395", detail)
     assert str(found.advice).startswith(advice)
@@ -37,7 +37,7 @@ def test_threads_without_priority_are_named(seen: ThreadsSeen, detail: str, advi
 def test_stamps_of_another_clock_are_named(ahead_ms: float, side: str) -> None:
     heard = HeardMessages(input="/image", inputs=9, ahead_ms=ahead_ms)
 
-    found = list(work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces()))
+    found = list(work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces(), []))
 
     assert [each.code for each in found] == ["RARMS430"] * bool(side)
     assert all(f"the stamps of /image are {side} the clock of this machine" in each.detail for each in found)
@@ -46,6 +46,6 @@ def test_stamps_of_another_clock_are_named(ahead_ms: float, side: str) -> None:
 def test_simulated_time_is_named() -> None:
     heard = HeardMessages(input="/image", inputs=9, ahead_ms=3000.0, simulated_time=True)
 
-    (found,) = work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces())
+    (found,) = work_of_evidence(["eyes"], [SettingEvidence(messages={"eyes": heard})], PathPlaces(), [])
 
     assert (found.code, found.values["component"]) == ("RARMS431", "eyes")

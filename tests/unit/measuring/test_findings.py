@@ -270,7 +270,7 @@ def setting(reserve: int, response_ms: float, cpu_ms: float) -> Setting:
     ],
 )
 def test_waiting_without_processor_time_is_a_warning(settings: tuple[Setting, ...], found: bool) -> None:
-    told = list(work_of_settings(EXPERIMENT, settings, first_line("")))
+    told = list(work_of_settings(EXPERIMENT, settings, (), first_line("")))
 
     assert [diagnostic.code for diagnostic in told] == ["RARMS393"] * found
     assert all("at 20 % and at 80 % of its VPs are the same" in diagnostic.detail for diagnostic in told)
@@ -448,14 +448,14 @@ def work_of_starts(number: int) -> list[str]:
     return [left, f"The kernel killed {2 * number} processes", "1", "1"]
 
 
-@pytest.mark.parametrize("reserved", [True, False])
-def test_busy_host_is_a_note_of_its_own(reserved: bool) -> None:
+@pytest.mark.parametrize("is_current", [True, False])
+def test_busy_host_is_a_note_on_current_settings(is_current: bool) -> None:
     others = (OutsideWork(name="make", group="/user.slice", cpu_ms=360.0),)
     evidence = SettingEvidence(elapsed_ms=1000.0, outside=others)
 
-    told = list(work_of_evidence(["vision"], [evidence], first_line(""), reserved=reserved))
+    told = list(work_of_evidence(["vision"], [evidence], first_line(""), [evidence] * is_current))
 
-    assert [str(each.code) for each in told] == ["RARMS392"] * reserved
+    assert [str(each.code) for each in told] == ["RARMS392"] * is_current
     assert all("used more processor time: make in /user.slice 360 ms." in each.detail for each in told)
 
 

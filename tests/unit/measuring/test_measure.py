@@ -67,7 +67,7 @@ def test_stop_on_one_robot_leaves_the_rest(here: Path, monkeypatch: pytest.Monke
     ) -> measure.MeasureOutcome:
         asked.append(hosts.chosen)
         result = ExperimentResult(
-            experiment=experiments[0], conclusion=Stopped(), settings=(), new=0, planned=None, log=""
+            experiment=experiments[0], conclusion=Stopped(), settings=(), run_now=frozenset(), planned=None, log=""
         )
         return measure.MeasureOutcome(experiments=(result,), findings=())
 

@@ -53,7 +53,7 @@ class Needs:
             experiment=experiment,
             conclusion=end,
             settings=(),
-            new=1,
+            run_now=frozenset({1}),
             planned=planned,
             conditions=conditions,
             log=load,
@@ -131,7 +131,9 @@ def test_end_while_confirming_keeps_the_answer() -> None:
 
 def test_asked_end_leaves_other_loads() -> None:
     loads = experiments(*LOADS)
-    stopped = ExperimentResult(experiment=loads[0], conclusion=Stopped(), settings=(), new=0, planned=None, log="log")
+    stopped = ExperimentResult(
+        experiment=loads[0], conclusion=Stopped(), settings=(), run_now=frozenset(), planned=None, log="log"
+    )
 
     assert next_experiment(loads, [stopped], Search()) is None
 

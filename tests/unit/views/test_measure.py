@@ -50,7 +50,7 @@ def found(mean_below: float) -> ExperimentResult:
         experiment=an_experiment("vision"),
         conclusion=Sufficient(reserve=60, failed=59),
         settings=(at(59, mean_below), at(60, 95.0)),
-        new=2,
+        run_now=frozenset({59, 60}),
         planned=None,
         log="measurements/onboard/vision/busy-loop.jsonl",
     )
@@ -126,7 +126,12 @@ def test_unspent_saving_is_named() -> None:
 
 def test_errors_are_explained_below_verdicts_only() -> None:
     stopped = ExperimentResult(
-        experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
+        experiment=an_experiment("vision"),
+        conclusion=Stopped(),
+        settings=(),
+        run_now=frozenset(),
+        planned=None,
+        log="x",
     )
 
     assert "99 % confidence each." in text([found(105.0)])
@@ -144,7 +149,9 @@ def test_a_search_that_was_stopped_promises_no_plan() -> None:
     assert "a plan reserves" not in summary
     assert "Measured: 1 component, 2 settings so far." in summary
     assert "Next:" not in summary
-    assert "vision: stopped; 1.2 LP is from an earlier run." in " ".join(text([replace(stopped, new=0)]).split())
+    assert "vision: stopped; 1.2 LP is from an earlier run." in " ".join(
+        text([replace(stopped, run_now=frozenset())]).split()
+    )
 
 
 def test_maximum_has_no_known_error() -> None:
@@ -334,3 +341,17 @@ def test_deciding_threshold_is_marked() -> None:
 
     assert "mean <= 100 ms, decides" in shown
     assert "p95 <= 400 ms " in shown
+
+
+def test_stopped_first_pass_shows_its_estimate() -> None:
+    """A plan reserves by the estimates of the settings so far, which no verdict shows yet."""
+    stopped = replace(
+        found(105.0), conclusion=Stopped(), is_provisional=True, provisional_lp=Fraction(6, 5), run_now=frozenset({60})
+    )
+
+    summary = " ".join(text([stopped]).split())
+
+    assert "vision mean <= 100 ms 95 ms 1.2 LP busy-loop" in summary
+    assert "vision: stopped; 1.2 LP is the estimate of the settings so far." in summary
+    assert "a plan reserves" not in summary
+    assert "Measured: 1 component, 2 settings so far, 1 of them by an earlier run." in summary
