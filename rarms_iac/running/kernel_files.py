@@ -143,6 +143,30 @@ def read_process(process: int, read: Callable[[Path], str] = kernel_text) -> Pro
     )
 
 
+def children_of(process: int) -> list[int]:
+    """Return the ids of the processes that a process started and that still run."""
+    try:
+        files = [thread / "children" for thread in (PROC / f"{process}/task").iterdir()]
+    except OSError:
+        return []
+    return [whole_number(file, child) for file in files for child in kernel_text(file).split()]
+
+
+def most_memory_below(process: int) -> int:
+    """Return the bytes of memory that all processes below one had at most, each at its own time.
+
+    Raises:
+        UnreadableFile: A file is not as the kernel writes it.
+    """
+    most, below = 0, children_of(process)
+    while below:
+        file = PROC / f"{(child := below.pop())}/status"
+        words = kernel_text(file).partition("\nVmHWM:")[2].split()
+        most += 1024 * whole_number(file, words[0]) if words else 0  # of KiB
+        below += children_of(child)
+    return most
+
+
 def in_ms(ticks: int) -> float:
     """Return a time in ticks of the kernel's clock as milliseconds."""
     return ticks * 1000 / os.sysconf("SC_CLK_TCK")

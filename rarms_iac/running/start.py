@@ -39,10 +39,14 @@ from rarms_iac.running.environment import (
     with_setup,
 )
 from rarms_iac.running.orders import CannotStart, ProcessOrder, ProcessPlace, StartContext, StartOrder, order_as_json
+from rarms_iac.running.kernel_files import read_process
 from rarms_iac.texts.messages import reason_of
 
 SUPERVISOR = Path(__file__).resolve().with_name("supervisor_process.py")
 CALLER = Path(__file__).resolve().with_name("caller.py")
+ITSELF = "RARMS_RUN_EXEC"
+"""The variable of a component that `rarms run --exec` became: the id and the begin of that process."""
+
 
 
 def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
@@ -211,7 +215,9 @@ def become(order: StartOrder) -> NoReturn:
         for file in process.join:
             file.write_text(str(os.getpid()), encoding="ascii")
         os.chdir(process.folder)
-        os.execve(process.words[0], process.words, process.environment)  # noqa: S606 - so it is meant
+        started = read_process(os.getpid()) if sys.platform == "linux" else None
+        itself = {} if started is None else {ITSELF: f"{os.getpid()}:{started.began}"}
+        os.execve(process.words[0], process.words, {**process.environment, **itself})  # noqa: S606 - so it is meant
     except OSError as problem:
         raise CannotStart(order.name, f"{problem.filename or process.folder}: {reason_of(problem)}") from problem
 

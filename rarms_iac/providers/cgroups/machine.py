@@ -23,6 +23,7 @@ from rarms_iac.providers.cgroups.speed import read_governor
 from rarms_iac.running.kernel_files import (
     PROC,
     UnreadableFile,
+    children_of,
     in_ms,
     kernel_text,
     processor_list,
@@ -30,6 +31,7 @@ from rarms_iac.running.kernel_files import (
     real_time_percent,
     whole_number,
 )
+from rarms_iac.running.start import ITSELF
 from rarms_iac.running.work_places import group_path
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
@@ -136,18 +138,18 @@ def consumed_ms(process: int) -> float:
     Args:
         process: its id; what it consumed itself does not count.
     """
-    stat, below = read_process(process), _children(process)
+    stat, below = read_process(process), children_of(process)
     total = stat.ticks_of_children if stat else 0
     while below:
         child = below.pop()
         if (stat := read_process(child)) is not None:
             total += stat.ticks + stat.ticks_of_children
-        below += _children(child)
+        below += children_of(child)
     return in_ms(total)
 
 
 def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text) -> tuple[tuple[int, str], ...]:
-    """Return the processes that no supervisor of rarms started, with their names: none ends with its component.
+    """Return the processes that neither a supervisor nor `rarms run --exec` started, with their names.
 
     Args:
         processes: ids of the processes in a control group.
@@ -159,8 +161,20 @@ def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text)
     return tuple(
         (process, stat.name)
         for process, stat in found
-        if stat and not _is_supervised(stat.parent, read) and not _runs_for_client(process, read)
+        if stat
+        and not _is_supervised(stat.parent, read)
+        and not _runs_for_client(process, read)
+        and not _is_of_run_exec(process, read)
     )
+
+
+def _is_of_run_exec(process: int, read: Callable[[Path], str]) -> bool:
+    """Return whether the process is what `rarms run --exec` became, or began below it, and that process still runs."""
+    variables = read(PROC / f"{process}/environ").split("\0")
+    value = next((each.removeprefix(f"{ITSELF}=") for each in variables if each.startswith(f"{ITSELF}=")), "")
+    itself, _, began = value.partition(":")
+    stat = read_process(int(itself), read) if itself.isdecimal() else None
+    return stat is not None and str(stat.began) == began
 
 
 def _runs_for_client(process: int, read: Callable[[Path], str]) -> bool:
@@ -183,14 +197,6 @@ def _is_supervised(process: int, read: Callable[[Path], str]) -> bool:
         stat = read_process(process, read)
         process = stat.parent if stat else 0
     return False
-
-
-def _children(process: int) -> list[int]:
-    try:
-        files = [thread / "children" for thread in (PROC / f"{process}/task").iterdir()]
-    except OSError:
-        return []
-    return [whole_number(file, child) for file in files for child in kernel_text(file).split()]
 
 
 MEMORY_EVERY_S = 0.1

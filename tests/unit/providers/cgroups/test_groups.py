@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -325,6 +325,30 @@ def test_doctor_names_what_killed_supervisor_left_in_partition(tmp_path: Path) -
     assert groups.names() == ()
 
 
+def reading(texts: Mapping[str, str]) -> Callable[[Path], str]:
+    def read(path: Path) -> str:
+        text = texts.get(str(path), "")
+        return f"{text} {' '.join('0' * 40)}" if path.name == "stat" and text else text
+
+    return read
+
+
+@pytest.mark.needs("linux")
+def test_process_of_run_exec_is_no_orphan() -> None:
+    texts = {
+        "/proc/80/stat": "80 (node) S 1",
+        "/proc/80/environ": "HOME=/\0RARMS_RUN_EXEC=80:0\0",
+        "/proc/81/stat": "81 (helper) S 1",
+        "/proc/81/environ": "RARMS_RUN_EXEC=80:0\0",
+        "/proc/82/stat": "82 (left) S 1",
+        "/proc/82/environ": "RARMS_RUN_EXEC=80:7\0",  # of an earlier process with this id
+        "/proc/83/stat": "83 (lost) S 1",
+        "/proc/83/environ": "RARMS_RUN_EXEC=79:0\0",  # of one that has ended
+    }
+
+    assert orphans([80, 81, 82, 83], reading(texts)) == ((82, "left"), (83, "lost"))
+
+
 @pytest.mark.needs("linux")
 @pytest.mark.parametrize("ended", [False, True])
 def test_what_a_client_waits_for_is_no_orphan(*, ended: bool) -> None:
@@ -343,10 +367,7 @@ def test_what_a_client_waits_for_is_no_orphan(*, ended: bool) -> None:
         f"/proc/{supervisor}/cmdline": "python3\0supervisor_process.py\0",
     }
 
-    def read(path: Path) -> str:
-        text = texts.get(str(path), "")
-        return f"{text} {' '.join('0' * 40)}" if path.name == "stat" and text else text
-
+    read = reading(texts)
     own = ((73, "own"),)
     assert orphans([71, 72, 73], read) == (((71, "arm"), (72, "eyes"), *own) if ended else own)
 
