@@ -18,7 +18,7 @@ from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.preconditions import hosts_of_one_machine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
-from rarms_iac.model.host import Connect, WinRmConnect
+from rarms_iac.model.host import Connect, ProviderKind, WinRmConnect
 from rarms_iac.model.layout import LookedUp
 from rarms_iac.model.output import output
 from rarms_iac.model.seen_host import Condition, PolicyScope, SeenHost
@@ -29,6 +29,9 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import smaller_host_findings
 from rarms_iac.planner.layout_findings import other_governor
 from rarms_iac.planner.reservations import MeasuredReservations, depends_on_a_log, names_of
+from rarms_iac.running.environment import refuse_unknown_user
+from rarms_iac.running.orders import CannotStart
+from rarms_iac.texts.findings import CANNOT_RUN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +78,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
                 *(finding for finding in shared if finding.address == f"host/{seen.name}"),
                 *smaller_host_findings(seen, manifest.places),
                 *other_governor(seen, _measured_for(seen, hosts.system, reservations), manifest.places),
+                *_missing_users(hosts, seen),
                 *examine(seen, manifest.places.key("hosts", seen.name)),
             ],
             manifest.system.policy,
@@ -85,6 +89,29 @@ def examine_hosts(hosts: Hosts) -> Examinations:
         examined.append(replace(seen, findings=findings))
         accepted += silenced
     return Examinations(application=hosts.system.application.name, hosts=tuple(examined), accepted=tuple(accepted))
+
+
+def _missing_users(hosts: Hosts, seen: SeenHost) -> Iterator[Diagnostic]:
+    """Find users and groups of components that may run on this machine and that it does not have."""
+    is_here = seen.host.provider is ProviderKind.LINUX and _connection(hosts, seen.name) == "here"
+    if not is_here or sys.platform != "linux":
+        return
+    for member in (
+        member for group in groups_of(hosts.system) if group.may_run_on(seen.name) for member in group.members
+    ):
+        try:
+            for process in member.run.each_process.values() if member.run else ():
+                refuse_unknown_user(member.name, process)
+        except CannotStart as problem:
+            yield CANNOT_RUN.at(
+                hosts.manifest.places.key("components", member.name, "run"),
+                "{component} cannot run on {host}: {reason}.",
+                problem.advice,
+                address=f"host/{seen.name}",
+                component=member.name,
+                host=seen.name,
+                reason=problem.message,
+            )
 
 
 def _measured_for(

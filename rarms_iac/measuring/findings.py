@@ -48,7 +48,6 @@ STILL_STOPPED = Finding.error("RARMS269", "Partitions did not start again after 
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a measured reservation")
 LESS_UNKNOWN = Finding.warning("RARMS267", "A smaller reservation may be enough; it had no steady state")
 MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
-CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 MISSED_UNRESERVED = Finding.warning("RARMS288", "A threshold is missed even without load")
 OTHER_FILE = Finding.error("RARMS411", "A file of a component differs on the robot")
 WEAK_ANSWER = Finding.error("RARMS326", "A measurement with weak loads was rejected")

@@ -20,7 +20,7 @@ from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
-from rarms_iac.measuring.findings import CANNOT_RUN, MISSED_UNRESERVED, failed_samples
+from rarms_iac.measuring.findings import MISSED_UNRESERVED, failed_samples
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
 from rarms_iac.model.commands import command, prose
@@ -33,7 +33,7 @@ from rarms_iac.model.series import HeardMessages, Sample, Series, SkippedLines
 from rarms_iac.model.setting import Setting, SettingEvidence
 from rarms_iac.model.system import Component, System, Threshold, run_of
 from rarms_iac.running.component import ComponentRun, run_in_parallel
-from rarms_iac.running.kernel_files import UnreadableFile
+from rarms_iac.running.kernel_files import UnreadableFile, most_memory_below
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
 from rarms_iac.running.samples import SamplingEnd
@@ -42,6 +42,7 @@ from rarms_iac.running.work_places import WorkPlaces
 from rarms_iac.statistics.distributions import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
+from rarms_iac.texts.findings import CANNOT_RUN
 from rarms_iac.texts.messages import in_a_row
 from rarms_iac.texts.quantities import show_duration
 
@@ -66,6 +67,7 @@ class ComponentRunResult:
     run: Internal[Run]
     setting: Internal[Setting]  # with the component's series alone; its evidence is that of all that ran at once
     ending: SamplingEnd
+    memory_peak: int | None = None  # bytes, the most of all its processes; None: not counted
 
     @output
     def series(self) -> Series:
@@ -334,8 +336,15 @@ def _run_group(
         with one_at_a_time:
             reporter.waits(component, missing)
 
+    memory: dict[str, int] = {}
+
+    def look_at_end(of: ComponentRun) -> None:
+        looked.look([run.place for run in runs])
+        if of.has_own_time and of.process is not None:
+            memory[of.component] = most_memory_below(of.process)
+
     for run in runs:
-        run.call_before_end(lambda: looked.look([run.place for run in runs]))
+        run.call_before_end(partial(look_at_end, run))
         run.call_while_waiting(partial(say, run.component))
     numbers = {run.component: 0 for run in runs}
     with _looking(looked, runs), run_in_parallel(runs) as samples:
@@ -361,6 +370,7 @@ def _run_group(
             run=run,
             setting=Setting(reserve=UNRESERVED, series=(process.series(),), evidence=evidence),
             ending=process.ending,
+            memory_peak=memory.get(component.name) or None,
         )
         for (component, run), process in zip(group, runs, strict=True)
     ]

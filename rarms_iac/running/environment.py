@@ -234,6 +234,17 @@ def _ids_of(component: str, process: Process) -> tuple[int, int]:
     return entry.pw_uid, entry.pw_gid
 
 
+def refuse_unknown_user(component: str, process: Process) -> None:
+    """Refuse a user or group that this machine does not have.
+
+    Raises:
+        CannotStart: one is missing.
+    """
+    _ids_of(component, process)
+    for name in process.groups:
+        _group_id(component, name)
+
+
 def _groups_of(process: Process, user: int, group: int) -> list[int]:
     import pwd
 

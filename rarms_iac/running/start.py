@@ -6,6 +6,7 @@ A component comes in as its `run`, a `StartOrder` with a `ProcessOrder` for each
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import sys
@@ -38,15 +39,15 @@ from rarms_iac.running.environment import (
     own_program,
     with_setup,
 )
-from rarms_iac.running.orders import CannotStart, ProcessOrder, ProcessPlace, StartContext, StartOrder, order_as_json
 from rarms_iac.running.kernel_files import read_process
+from rarms_iac.running.orders import CannotStart, ProcessOrder, ProcessPlace, StartContext, StartOrder, order_as_json
 from rarms_iac.texts.messages import reason_of
 
 SUPERVISOR = Path(__file__).resolve().with_name("supervisor_process.py")
-CALLER = Path(__file__).resolve().with_name("caller.py")
 ITSELF = "RARMS_RUN_EXEC"
 """The variable of a component that `rarms run --exec` became: the id and the begin of that process."""
 
+CALLER = Path(__file__).resolve().with_name("caller.py")
 
 
 def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
@@ -257,6 +258,9 @@ def _program(component: str, word: str, folder: Path, environment: Mapping[str, 
         program = folder.resolve() / word
         if not program.is_file():
             raise CannotStart(component, f"the program {program} does not exist")
+        if not os.access(program, os.X_OK):  # root, too, starts only files that somebody may execute
+            advice = f"Make it executable: chmod +x {shlex.quote(str(program))}"
+            raise CannotStart(component, f"the program {program} is not executable", advice)
         return str(program)
     path = shutil.which(word, path=environment.get("PATH", os.defpath))
     if path is None and word in {"python3", "python"}:

@@ -166,6 +166,7 @@ def remainder(shown: Diagnostic, number: int) -> Diagnostic:
     )
 
 
+CANNOT_RUN = Finding.error("RARMS285", "A component or a load cannot be run")
 CLASS_ORDER = Finding.warning("RARMS128", "Priorities do not follow the criticalities")
 DAMAGED = Finding.error("RARMS190", "The journal or a record on the host is damaged")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under other conditions")

@@ -310,10 +310,11 @@ def _head(ran: ComponentRunResult) -> str:
         if series.cpu_ms is None
         else f"; {show_number(series.cpu_ms / 1000)} s of processor time, its start included"
     )
+    memory = "" if ran.memory_peak is None else f"; at most {show_bytes(ran.memory_peak)} of memory"
     failed = f", {ran.failed} failed" if ran.failed else ""
     elapsed = show_number(series.elapsed_ms / 1000)
     samples = counted(len(series.samples), "sample")
-    return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}"
+    return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}{memory}"
 
 
 def _estimate(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> str:

@@ -77,6 +77,14 @@ def test_after_restart_apply_or_unit_starts_partitions(folder: Path, at_boot: bo
     assert f"Started below {slice_of(folder)}: none, because none was off." in run(folder, "start", "--boot")
 
 
+@pytest.mark.parametrize(("key", "kind"), [("user: robot-7", "user"), ("groups: [robot-7]", "group")])
+def test_doctor_names_missing_users(folder: Path, key: str, kind: str) -> None:
+    manifest = folder / "rarms.yaml"
+    manifest.write_text(manifest.read_text(encoding="utf-8").replace("run: {", f"run: {{ {key},"), encoding="utf-8")
+
+    assert f"eyes cannot run on here: the {kind} robot-7 does not exist here." in run(folder, "doctor", ends=4)
+
+
 @pytest.mark.alone  # other tests' deadlines take from what the kernel admits
 def test_processors_taken_from_deadline_are_given_back(
     folder: Path,

@@ -416,6 +416,16 @@ def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, message: str) 
 
 
 @pytest.mark.needs("posix")
+def test_program_without_right_to_execute_is_named(tmp_path: Path) -> None:
+    (tmp_path / "my node.py").write_text("#!/usr/bin/env python3\n", encoding="utf-8")
+
+    with pytest.raises(CannotStart, match=r"my node\.py is not executable") as result:
+        all_of(a_run(("./my node.py",)), tmp_path)
+
+    assert result.value.advice == f"Make it executable: chmod +x '{tmp_path}/my node.py'"
+
+
+@pytest.mark.needs("posix")
 def test_program_that_system_refuses_cannot_be_started(tmp_path: Path) -> None:
     (tmp_path / "vision").write_bytes(b"\x7fnothing that can be run")
     (tmp_path / "vision").chmod(0o755)
