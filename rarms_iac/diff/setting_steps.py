@@ -17,7 +17,7 @@ from rarms_iac.model.system import GRACE, Disruption
 from rarms_iac.texts.plans import change_text, change_title, describe_stop, operation_text
 from rarms_iac.texts.quantities import show_duration
 
-STARTS_AGAIN = "it restarts: data in memory is lost"
+STARTS_AGAIN = "undo starts it again, without its data in memory"
 _NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused, and is not paused again")
 _WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it is removed with the partition")
 _EXISTS: Readings = {"exists": True}

@@ -73,7 +73,8 @@ def stop_own_partitions(session: MeasuringSession, host: MeasuringHost) -> None:
             ],
         )
     stop_to_measure(session.hosts, host, names)
-    message = f"{host.name}: stopped {in_a_row(names)} to measure. rarms starts them again afterwards."
+    them = "it" if len(names) == 1 else "them"
+    message = f"{host.name}: stopped {in_a_row(names)} to measure. rarms starts {them} again afterwards."
     session.control.reporter.message(message)
 
 

@@ -124,10 +124,11 @@ def extend_question(beyond: BeyondMeasured) -> Question:
 
 def stop_question(host: str, partitions: Sequence[str]) -> Question:
     """Ask whether partitions may be stopped to measure."""
-    running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
+    s, runs, them = ("", "runs", "it") if len(partitions) == 1 else ("s", "run", "them")
+    running = f"The partition{s} {in_a_row(partitions)} {runs} on {host}."
     return Question(
-        text=f"On {host} {running}. Stop while measuring, and start again afterwards?",
-        help_text="y: stop them like `rarms stop`, and start them afterwards. n: do not measure. q: end.",
+        text=f"{running} Stop {them} while measuring, and start {them} again afterwards?",
+        help_text=f"y: stop {them} like `rarms stop`, and start {them} afterwards. n: do not measure. q: end.",
     )
 
 

@@ -47,6 +47,12 @@ def status_text(overview: Overview) -> "RenderableType":
     for log, changes in overview.stale.items():
         parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))
     unknown = [verdict for verdict in overview.verdicts if verdict.achievement is not Achievement.MET]
+    is_proven = overview.next_command is None and overview.has_thresholds and not overview.unknown
+    if is_proven and not describe_holders(overview.hosts):
+        confirmed = [each.component for each in unknown if each.achievement is Achievement.PROVISIONAL]
+        unknown = [each for each in unknown if each.achievement is not Achievement.PROVISIONAL]
+        if confirmed:
+            parts.append(paragraph(f"Provisional, confirmed by the proof: {in_a_row(confirmed)}."))
     parts += [paragraph(f"{line}.") for line in describe_verdicts(unknown)]
     if overview.problems and all(each.achievement is Achievement.PROVISIONAL for each in unknown):
         parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a8bdbffed352 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 7d9c284f7444 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted; task classes: 1 changed, 0 removed.
     name        the running step                                                    off
@@ -26,7 +26,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 9af51538c242ef01f29ed507ea74f51599384206ed4d3a7a45858f230e007b7c, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest a2bf30ff37fc, rarms 0.1.0. SHA-256: the undo 27bb513e593959430f895ec10acbbb14cedf152807120dede04b7f14c2e98ad5, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -42,8 +42,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'destroy'; Plan = 'a8bdbffed352'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '9af51538c242ef01f29ed507ea74f51599384206ed4d3a7a45858f230e007b7c'
+        Run = 'apply'; Purpose = 'destroy'; Plan = '7d9c284f7444'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '27bb513e593959430f895ec10acbbb14cedf152807120dede04b7f14c2e98ad5'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

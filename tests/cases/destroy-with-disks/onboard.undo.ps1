@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a8bdbffed352 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 7d9c284f7444 of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 2 changed, 0 stopped, 0 removed; 0 disks deleted; task classes: 1 changed, 0 removed.
     name        the running step
@@ -42,7 +42,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'destroy'; Plan = 'a8bdbffed352'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'destroy'; Plan = '7d9c284f7444'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

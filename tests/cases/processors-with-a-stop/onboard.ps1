@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0a3e25b64bcc of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms apply script: plan 3e46c541702b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; 0 disks deleted.
     name    the running step                                                                                                    off
     speech  stopped; reserve 0.4 -> 0.4 LP (40 % of its processor -> 20 % of each of 2 processors); processors 1 -> 2; started  until it has started, at most 120 s to stop
     Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
-    Not undone: speech: it restarts: data in memory is lost
+    Not undone: speech: undo starts it again, without its data in memory
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -23,7 +23,7 @@
     Shows the changes. Without -WhatIf, makes them. To undo them, run .\onboard.undo.ps1 in the same folder.
 .NOTES
     Exit code 0: done. 1: a step failed or was declined; run it again to continue. 3: the host is not as planned, or locked.
-    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 1b84a6ea29f07c72830ecd7f8e205d91ac81ed69af44c696cae3b56da8161f8c, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
+    Manifest b1f15d8b63ee, rarms 0.1.0. SHA-256: the undo 1e1560cbeb51c55fffcbff84e96c10d632ebfdcfa57b0f5ed95ef6b9fd96b107, Rarms.psm1 047C93329B8C9BDFA3A302D8925E0BD435E0A17F6BA7301A7DBA0CC3C932073F.
 #>
 
 #Requires -Version 5.1
@@ -39,8 +39,8 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'apply'; Purpose = 'apply'; Plan = '0a3e25b64bcc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
-        Undo = 'onboard.undo.ps1'; UndoDigest = '1b84a6ea29f07c72830ecd7f8e205d91ac81ed69af44c696cae3b56da8161f8c'
+        Run = 'apply'; Purpose = 'apply'; Plan = '3e46c541702b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Undo = 'onboard.undo.ps1'; UndoDigest = '1e1560cbeb51c55fffcbff84e96c10d632ebfdcfa57b0f5ed95ef6b9fd96b107'
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         LogicalProcessors = 4; Cores = 4; ThreadsPerCore = 1; Percent = 360; Memory = 7516192768; AcceptScheduler = $false
     }

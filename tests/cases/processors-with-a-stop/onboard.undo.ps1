@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 0a3e25b64bcc of application robot, for host onboard of rarms.yaml, computer ONBOARD.
+    rarms undo script: plan 3e46c541702b of application robot, for host onboard of rarms.yaml, computer ONBOARD.
 .DESCRIPTION
     0 machines added, 1 changed, 1 stopped, 0 removed; 0 disks deleted.
     name    the running step                                                                                                    off
     speech  stopped; processors 2 -> 1; reserve 0.4 -> 0.4 LP (20 % of each of 2 processors -> 40 % of its processor); started  until it has started, at most 120 s to stop
     Time: a few seconds for each call. The script waits at most 120 s while guests stop, one after another; at most 300 s at the end, if a guest is just restarting.
     Only these calls change something, with their numbers: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
-    Not undone: speech: it restarts: data in memory is lost
+    Not undone: speech: undo starts it again, without its data in memory
 .PARAMETER AsJson
     Writes one JSON object per line to standard output, for a program. Cannot be combined with -Verbose.
 .PARAMETER LockTimeout
@@ -39,7 +39,7 @@ $VerbosePreference = 'SilentlyContinue'
 Set-StrictMode -Version 3.0
 $plan = {
     $script:Plan = @{
-        Run = 'undo'; Purpose = 'apply'; Plan = '0a3e25b64bcc'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
+        Run = 'undo'; Purpose = 'apply'; Plan = '3e46c541702b'; Application = 'robot'; Robot = ''; Serial = 1; Guest = ''
         Undo = ''; UndoDigest = ''
         Computer = 'ONBOARD'; Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
     }

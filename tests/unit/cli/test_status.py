@@ -58,6 +58,18 @@ def test_status_names_what_is_missing_first() -> None:
     assert rarms().out == after.out
 
 
+def test_proof_confirms_a_provisional_reservation() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
+    for words in (("measure", "--quick"), ("apply", "--auto-approve"), ("prove", "--load-host", "--samples", "200")):
+        ran = rarms(*words)
+        assert ran.code == 0, ran.out + ran.err
+
+    shown = rarms("status").out
+
+    assert "Provisional, confirmed by the proof: planner." in shown
+    assert "Everything is applied, and every threshold was proven." in shown
+
+
 def test_start_reservation_is_in_status_not_in_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     more = MANIFEST.replace("reserve: 40 % }", "reserve: 40 %, starting: { reserve: 60 %, for: 30 s } }")
     Path("rarms.yaml").write_text(more, encoding="utf-8")

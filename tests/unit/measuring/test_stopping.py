@@ -99,7 +99,9 @@ def test_terminal_is_asked_before_partitions_stop(answer: str, code: int) -> Non
     ran = rarms(*SWEEP, stdin=answer, at_a_terminal=True)
 
     assert ran.code == code, ran.err
-    question = "On onboard speech and vision run. Stop while measuring, and start again afterwards?"
+    question = (
+        "The partitions speech and vision run on onboard. Stop them while measuring, and start them again afterwards?"
+    )
     assert question in " ".join(ran.err.split())
     assert machines() == RUNNING
 
