@@ -26,8 +26,10 @@ import signal
 import socket
 import struct
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 PROBE_S = 0.1
@@ -42,6 +44,14 @@ ENDED: list[str] = []
 HEARD: set[str] = set()
 """The roles of the topics that had a message."""
 _FIELD = re.compile(r"^\s*([\w/\[\]<>=]+)\s+\w+\s*(#.*)?$")
+
+
+@contextmanager
+def no_log_file() -> Iterator[None]:
+    """Have the log file that ROS opens inside removed at once: each run would leave one in the user's `~/.ros/log`."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["ROS_LOG_DIR"] = folder
+        yield
 
 
 def main(words: list[str]) -> None:
@@ -115,7 +125,8 @@ def subscribe_1(topics: dict[str, str]) -> None:
     else:
         return
     socket.setdefaulttimeout(None)
-    rospy.init_node("rarms_samples", anonymous=True, disable_signals=True)
+    with no_log_file():
+        rospy.init_node("rarms_samples", anonymous=True, disable_signals=True)
     send(simulated=bool(rospy.get_param("/use_sim_time", False)))
 
     def listen(role: str, topic: str) -> None:
@@ -190,7 +201,8 @@ def subscribe_2(topics: dict[str, str]) -> None:
     from rclpy.qos import QoSProfile, QoSReliabilityPolicy  # type: ignore[import-not-found,unused-ignore]
     from rosidl_runtime_py.utilities import get_message  # type: ignore[import-not-found,unused-ignore]
 
-    rclpy.init()
+    with no_log_file():
+        rclpy.init()
     name = f"rarms_samples_{os.getpid()}"
     node = rclpy.create_node(name)
     # Best effort takes messages of reliable publishers, too; the contrary would hear nothing of a camera.

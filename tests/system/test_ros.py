@@ -105,6 +105,7 @@ def test_response_is_the_time_between_messages(ros: dict[str, str], tmp_path: Pa
     assert messages.delay_ms is not None
     assert abs(messages.ahead_ms) < 1000
     assert not messages.simulated_time
+    assert not list(Path(ros["ROS_HOME"]).rglob("rarms_samples*")), "a log file stays after each run"
 
 
 @ros_1
