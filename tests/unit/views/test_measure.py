@@ -298,8 +298,8 @@ def test_terminal_sees_the_running_setting() -> None:
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert "vision with busy-loop  1.24 LP  ..." in shown
-    assert "vision with busy-loop  1.24 LP  50 samples, mean 98 ms, at most 476 s left" in shown
+    assert "vision  busy-loop  1.24 LP  ..." in shown
+    assert "vision  busy-loop  1.24 LP  at most 476 s left in this setting, mean 98 ms, 50 samples" in shown
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 
@@ -351,7 +351,7 @@ def test_stopped_first_pass_shows_its_estimate() -> None:
 
     summary = " ".join(text([stopped]).split())
 
-    assert "vision mean <= 100 ms 95 ms 1.2 LP busy-loop" in summary
+    assert "vision mean <= 100 ms 94.8 ms 1.2 LP busy-loop" in summary
     assert "vision: stopped; 1.2 LP is the estimate of the settings so far." in summary
     assert "a plan reserves" not in summary
     assert "Measured: 1 component, 2 settings so far, 1 of them by an earlier run." in summary
