@@ -245,18 +245,18 @@ def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: Ob
     below the folder is opened for an untrusted manifest.
 
     Returns:
-        Of a load that usually runs in several parts, what was measured with one where nothing of several holds: a
-        sweep, the paper's strategy, or a host without memory for the others.
+        Of a load that usually runs in several parts, what was measured with fewer where nothing of more holds: a sweep,
+        the paper's strategy, or a host without memory for the others.
     """
 
     def found(parts: int) -> Present:
         identity = identity_of(replace(subject, load_parts=parts), files.of(subject), {})
         return present_log(file, subject.setup.members, identity, platform_facts)
 
-    usual = found(subject.load_parts)
-    if usual.log is not None or subject.load_parts == 1:
-        return usual
-    return min(usual, found(1), key=lambda each: len(each.comparison.changed))
+    each = [found(subject.load_parts)]
+    while each[-1].log is None and len(each) < subject.load_parts:
+        each.append(found(subject.load_parts - len(each)))
+    return each[-1] if each[-1].log is not None else min(each, key=lambda one: len(one.comparison.changed))
 
 
 def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:

@@ -89,7 +89,7 @@ def describe_missing_parts(session: MeasuringSession, experiments: Sequence[Expe
     in_several = [each for each in experiments if each.usual_load_parts > 1]
     for host, resources in resources_by_host(session, in_several).items():
         in_parts = [in_load_parts(each, resources) for each in in_several if each.host.name == host]
-        if loads := [each.setup.interference for each in in_parts if each.load_parts == 1]:
+        if loads := [each.setup.interference for each in in_parts if each.load_parts < each.usual_load_parts]:
             yield describe_missing_part(host, loads)
 
 

@@ -117,12 +117,13 @@ def free_memory(resources: MeasuringResources, taken: int = 0, parts: int = 1) -
 
 
 def parts_that_fit(resources: MeasuringResources, wanted: int, taken: int = 0) -> int:
-    """Say in how many parts P2 can be made: as many as wanted where each has the usual memory, else 1.
+    """Say in how many parts P2 can be made: the most of those wanted that all have the usual memory, and at least 1.
 
     Args:
         taken: bytes that are promised in addition to its claims.
     """
-    return wanted if free_memory(resources, taken, wanted) >= USUAL_LOAD_MEMORY else 1
+    fitting = (parts for parts in range(wanted, 1, -1) if free_memory(resources, taken, parts) >= USUAL_LOAD_MEMORY)
+    return next(fitting, 1)
 
 
 def processors_of_load(
@@ -136,16 +137,20 @@ def processors_of_load(
 
     Args:
         setup: of P1.
-        most_parts: 1: the P2 of the paper.
+        most_parts: for which there is memory; 1: the P2 of the paper.
 
     Returns:
         One number for each part.
     """
     wide = resources.capacity.logical_processors
-    if most_parts == 1:
-        return (wide,)
     others = wide - resources.capacity.sharing.claim(setup.processors, WHOLE, setup.memory).processors
-    return (*[wide] * equal_parts(load), *([others] if others > 0 else []))
+    return _parts(wide, others, load, most_parts)
+
+
+def _parts(wide: int, others: int, load: Interference, most_parts: int) -> tuple[int, ...]:
+    """Return the processors of each part; the one for the rest comes before a second equal one where one is too many."""
+    rest = (others,) if others > 0 and most_parts > 1 else ()
+    return (*[wide] * min(equal_parts(load), most_parts - len(rest)), *rest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +237,7 @@ def share_next_to_layout(
         return (wide,), one
     p2 = Claim(processors=wide, reserve=one.reserve, memory=max(0, memory))
     rest, others = max((others * _rest(resources, (p2,), others), others) for others in range(1, wide))
-    parts = (*[wide] * equal_parts(load), *([others] if rest >= LEAST_REST else []))
+    parts = _parts(wide, others if rest >= LEAST_REST else 0, load, most_parts)
     return parts, share_of_parts(resources, (), memory, parts)
 
 

@@ -163,11 +163,8 @@ def longest_later_ms(group: Sequence[Experiment]) -> float:
 
 
 def describe_missing_part(host: str, loads: Sequence[str]) -> str:
-    """Return the sentence on loads that run in one partition, as the host has no memory for several."""
-    return (
-        f"{host} does not have enough memory for several load partitions. One partition runs "
-        f"{in_a_row(list(dict.fromkeys(loads)))}."
-    )
+    """Return the sentence on loads that run in fewer partitions than usual, as the host has no memory for all."""
+    return f"{host} does not have enough memory for all load partitions of {in_a_row(list(dict.fromkeys(loads)))}."
 
 
 def describe_processors(results: Sequence[ExperimentResult]) -> str:
