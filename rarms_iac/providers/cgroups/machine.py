@@ -206,6 +206,10 @@ BETWEEN_S = (0.005, 0.025)
 """The least and the greatest pause between two looks: at random, so that they lock into no period of a component."""
 
 
+RESTS = 50
+"""A pause is at least so many times as long as the look before: looks take at most 2 % of a processor."""
+
+
 class ThreadLooks:
     """The looks at a group's threads so far."""
 
@@ -241,8 +245,9 @@ class ThreadLooks:
     def look_until_ended(self) -> None:
         """Look again and again; each look stands for the time since the one before."""
         pauses, before = Random(), time.perf_counter()  # noqa: S311 - no secret
-        memory_from = before
-        while not self._ended.wait(pauses.uniform(*BETWEEN_S)):
+        memory_from, took_s = before, 0.0
+        while not self._ended.wait(max(pauses.uniform(*BETWEEN_S), RESTS * took_s)):
+            begun = time.perf_counter()
             try:
                 threads, now = sum(map(_runnable, self._tree.processes(self._group))), time.perf_counter()
             except (UnreadableFile, OSError) as problem:
@@ -253,6 +258,7 @@ class ThreadLooks:
             if now >= memory_from:
                 memory_from = now + MEMORY_EVERY_S
                 self._look_at_memory()
+            took_s = time.perf_counter() - begun
 
     def _look_at_memory(self) -> None:
         used = self._tree.used_memory(self._group)
