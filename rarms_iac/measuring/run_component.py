@@ -5,7 +5,7 @@ Begin at `run_components`: it shows whether the manifest's `run` is right, befor
 
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -36,6 +36,7 @@ from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile, most_memory_below
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
+from rarms_iac.running.run_exec import find_exec_process
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import become, order_of
 from rarms_iac.running.work_places import WorkPlaces
@@ -209,8 +210,9 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     results: list[ComponentRunResult] = []
     findings = [*start_warnings(manifest, [component for component, _ in chosen])]
     listener = reporter or SampleReporter()
-    places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
     try:
+        refuse_running(manifest, [component.name for component, _ in chosen])
+        places = {component.name: find_place(manifest, component, listener.place_chosen) for component, _ in chosen}
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
                 ran = _run_group(group, base, places, load, listener)
@@ -281,7 +283,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
         base=manifest.code_folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
     )
     try:
-        become(order_of(name, run, context))
+        become(order_of(name, run, context), _exec_name(manifest, name))
     except CannotStart as problem:
         finding = cannot_start(manifest, problem)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
@@ -460,6 +462,35 @@ def _describe_others(result: ComponentRunResult, load: str | None) -> str:
         f"During the run of {show_duration(elapsed_ms)}, other programs used {show_duration(others_ms)} of "
         "processor time. A reservation may help."
     )
+
+
+def refuse_running(manifest: Manifest, components: Iterable[str]) -> None:
+    """Refuse components that run on this machine through `rarms run --exec`: a second process would disturb the first.
+
+    Raises:
+        UseCaseError: One of them runs (failed).
+        UnreadableFile: A file of `/proc` is not as the kernel writes it.
+    """
+    running = {name: find_exec_process(_exec_name(manifest, name)) for name in components}
+    findings = [
+        CANNOT_RUN.at(
+            manifest.places.key("components", name, "run"),
+            '"{component}" already runs: process {process} is from `rarms run --exec`.',
+            "Stop the service of this process, then run the same command again. ROS 1 ends a node when a second node "
+            "with its name starts.",
+            address=f"component/{name}",
+            component=name,
+            process=process,
+        )
+        for name, process in running.items()
+        if process is not None
+    ]
+    if findings:
+        raise UseCaseError(Outcome.FAILED, findings, manifest.sources)
+
+
+def _exec_name(manifest: Manifest, component: str) -> str:
+    return f"{manifest.system.application.name}/{component}"
 
 
 def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:

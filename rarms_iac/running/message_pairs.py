@@ -32,7 +32,8 @@ class MessagePairs:
     inputs: int = 0
     outputs: int = 0
     unmatched: int = 0  # outputs with the stamp of no input
-    unstamped: int = 0  # messages of both topics with the stamp 0
+    unstamped_inputs: int = 0  # with the stamp 0
+    unstamped_outputs: int = 0
     has_begun: bool = False
     _open: dict[int, MessageJob] = field(default_factory=dict)  # the oldest first
     _early: dict[int, float] = field(default_factory=dict)
@@ -41,7 +42,7 @@ class MessagePairs:
     def take_input(self, stamp: int, at: float) -> None:
         """Take an input; an output that was quicker answers it at once."""
         self.inputs += 1
-        self.unstamped += stamp == 0
+        self.unstamped_inputs += stamp == 0
         if stamp == 0 or stamp in self._open:
             return
         self._told.pop(stamp, None)
@@ -52,7 +53,7 @@ class MessagePairs:
     def take_output(self, stamp: int, at: float) -> None:
         """Take an output; the first one answers its input."""
         self.outputs += 1
-        self.unstamped += stamp == 0
+        self.unstamped_outputs += stamp == 0
         if stamp in self._open:
             self._answer(stamp, at)
         elif stamp != 0 and stamp not in self._told:

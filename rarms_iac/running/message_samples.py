@@ -250,8 +250,8 @@ class _MessageReader:
         for topic, number in ((samples.input, pairs.inputs), (samples.output, pairs.outputs)):
             if not number:
                 return f"{topic} has a publisher, but no message came"
-        if pairs.unstamped >= min(pairs.inputs, pairs.outputs):
-            return f"the messages of {samples.input} or {samples.output} have the stamp 0"
+        if unstamped := self._unstamped():
+            return f"the messages of {in_a_row(list(unstamped))} have the stamp 0{self._advice_for(unstamped)}"
         timeout = show_milliseconds(self._record.run.timeout)
         return f"no message of {samples.output} has the stamp of a message of {samples.input} of the last {timeout}"
 
@@ -261,6 +261,26 @@ class _MessageReader:
         numbers = {samples.input: pairs.inputs, samples.output: pairs.outputs}
         topics = [topic for topic in self._unpublished if not numbers.get(topic)]
         return f"{in_a_row(topics)} {'has' if len(topics) == 1 else 'have'} no publisher" if topics else ""
+
+    def _unstamped(self) -> Mapping[str, str]:
+        """Return the topics with the stamp 0 in most messages, each with the number of these messages."""
+        samples, pairs = self._record.run.samples, self._pairs
+        counts = {
+            samples.input: (pairs.unstamped_inputs, pairs.inputs),
+            samples.output: (pairs.unstamped_outputs, pairs.outputs),
+        }
+        return {
+            topic: f"{unstamped} of {counted(number, 'message')} of {topic}"
+            for topic, (unstamped, number) in counts.items()
+            if 2 * unstamped > number
+        }
+
+    def _advice_for(self, unstamped: Mapping[str, str]) -> str:
+        """Say what to do about the stamp 0. An output copies it from an input that has it."""
+        samples = self._record.run.samples
+        if samples.input in unstamped:
+            return f"; the publisher of {samples.input} must set `header.stamp`"
+        return f"; copy `msg.header.stamp` of {samples.input} into the message of {samples.output}"
 
     def _why_silent(self, patience: float) -> str:
         """Say what came instead of the output to an input."""
@@ -273,8 +293,8 @@ class _MessageReader:
             return f"no message of {samples.input} came {within}{why}"
         if not pairs.outputs:
             return f"no message of {samples.output} came {within}, but {inputs}{why}"
-        if pairs.unstamped >= min(pairs.inputs, pairs.outputs):
-            return f"{pairs.unstamped} of {inputs} and {outputs} have the stamp 0"
+        if unstamped := self._unstamped():
+            return f"{in_a_row(list(unstamped.values()))} have the stamp 0{self._advice_for(unstamped)}"
         timeout = show_milliseconds(self._record.run.timeout)
         return f"none of {outputs} came within {timeout} after the {inputs} with the same stamp"
 

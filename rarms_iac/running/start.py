@@ -39,14 +39,11 @@ from rarms_iac.running.environment import (
     own_program,
     with_setup,
 )
-from rarms_iac.running.kernel_files import read_process
 from rarms_iac.running.orders import CannotStart, ProcessOrder, ProcessPlace, StartContext, StartOrder, order_as_json
+from rarms_iac.running.run_exec import own_variable
 from rarms_iac.texts.messages import reason_of
 
 SUPERVISOR = Path(__file__).resolve().with_name("supervisor_process.py")
-ITSELF = "RARMS_RUN_EXEC"
-"""The variable of a component that `rarms run --exec` became: the id and the begin of that process."""
-
 CALLER = Path(__file__).resolve().with_name("caller.py")
 
 
@@ -195,11 +192,14 @@ def _on_own_path(words: tuple[str, ...]) -> tuple[str, ...]:
     return (own_program(words[0]), *words[1:]) if words else ()
 
 
-def become(order: StartOrder) -> NoReturn:
+def become(order: StartOrder, component: str) -> NoReturn:
     """Turn this process into a component: it joins its control groups, and keeps the standard streams that it has.
 
     A container, a service and several processes get a supervisor, which this process becomes. Only on POSIX: Windows
     starts another process instead.
+
+    Args:
+        component: As `ExecProcess.component`.
 
     Raises:
         CannotStart: a control group, the folder or the program refuses it.
@@ -208,16 +208,14 @@ def become(order: StartOrder) -> NoReturn:
     sys.stderr.flush()
     if sys.platform != "win32":
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and a process inherits that
-    process = order.processes[0]
+    process, itself = order.processes[0], own_variable(component)
     try:
         if len(order.processes) > 1 or process.ending is not None:
             words = (sys.executable, "-I", "-S", str(SUPERVISOR), str(_open_order(order)))
-            os.execve(words[0], words, os.environ)  # noqa: S606 - so it is meant
+            os.execve(words[0], words, {**os.environ, **itself})  # noqa: S606 - so it is meant
         for file in process.join:
             file.write_text(str(os.getpid()), encoding="ascii")
         os.chdir(process.folder)
-        started = read_process(os.getpid()) if sys.platform == "linux" else None
-        itself = {} if started is None else {ITSELF: f"{os.getpid()}:{started.began}"}
         os.execve(process.words[0], process.words, {**process.environment, **itself})  # noqa: S606 - so it is meant
     except OSError as problem:
         raise CannotStart(order.name, f"{problem.filename or process.folder}: {reason_of(problem)}") from problem

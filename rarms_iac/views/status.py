@@ -42,7 +42,8 @@ BAR = 20
 def status_text(overview: Overview) -> "RenderableType":
     """Show each host with its partitions, then what was proven, what no longer holds, and the next command."""
     parts = [part for host in overview.hosts for part in _host_overview(host)]
-    for number, line in enumerate(_proven(overview.proofs)):
+    nothing_is_applied = overview.hosts and not any(host.partitions or host.problems for host in overview.hosts)
+    for number, line in enumerate(() if nothing_is_applied else _proven(overview.proofs)):
         parts.append(paragraph(line, indent=2) if number else paragraph(line, start="Proven: "))
     for log, changes in overview.stale.items():
         parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))

@@ -32,11 +32,13 @@ CAMERA = """
 import rospy
 from std_msgs.msg import Header, String
 rospy.init_node("camera")
-camera, text = (rospy.Publisher(*of, queue_size=1) for of in (("/camera", Header), ("/text", String)))
+topics = (("/camera", Header), ("/text", String), ("/blank", Header))
+camera, text, blank = (rospy.Publisher(*of, queue_size=1) for of in topics)
 ahead = rospy.Duration(rospy.get_param("/ahead", 0))
 while not rospy.is_shutdown():
     camera.publish(Header(stamp=rospy.Time.from_sec(__import__("time").time()) + ahead))
     text.publish("no stamp")
+    blank.publish(Header())
     __import__("time").sleep(0.05)
 """
 DETECTOR = """
@@ -186,14 +188,37 @@ def test_wrong_topic_is_named(ros: dict[str, str], tmp_path: Path, monkeypatch: 
 
 
 @ros_1
+def test_only_topic_with_stamp_0_is_named(
+    ros: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rarms_iac.running.message_samples.START_S", 4.0)
+
+    samples, _ = heard(replace(detector(replace(MESSAGES, output="/blank")), failures=0), tmp_path, ros)
+
+    assert re.fullmatch(
+        "([0-9]+) of \\1 messages of /blank have the stamp 0; "
+        "copy `msg.header.stamp` of /camera into the message of /blank",
+        samples[0].failure,
+    )
+
+
+@ros_1
 @pytest.mark.parametrize(
     ("changed", "missing"),
     [
         ({"output": "/face"}, "/face has no publisher"),
         ({"input": "/other", "output": "/face"}, "/other and /face have no publisher"),
         ({"output": "/camera_2"}, "no message of /camera_2 has the stamp of a message of /camera of the last 300 ms"),
+        (
+            {"output": "/blank"},
+            "the messages of /blank have the stamp 0; copy `msg.header.stamp` of /camera into the message of /blank",
+        ),
+        (
+            {"input": "/blank"},
+            "the messages of /blank have the stamp 0; the publisher of /blank must set `header.stamp`",
+        ),
     ],
-    ids=["output", "both", "stamp"],
+    ids=["output", "both", "stamp", "output-0", "input-0"],
 )
 def test_run_says_within_seconds_what_it_waits_for(
     ros: dict[str, str], tmp_path: Path, changed: dict[str, str], missing: str

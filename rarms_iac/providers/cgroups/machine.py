@@ -31,7 +31,7 @@ from rarms_iac.running.kernel_files import (
     real_time_percent,
     whole_number,
 )
-from rarms_iac.running.start import ITSELF
+from rarms_iac.running.run_exec import started_by_exec
 from rarms_iac.running.work_places import group_path
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
@@ -164,17 +164,8 @@ def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text)
         if stat
         and not _is_supervised(stat.parent, read)
         and not _runs_for_client(process, read)
-        and not _is_of_run_exec(process, read)
+        and started_by_exec(process, read) is None
     )
-
-
-def _is_of_run_exec(process: int, read: Callable[[Path], str]) -> bool:
-    """Return whether the process is what `rarms run --exec` became, or began below it, and that process still runs."""
-    variables = read(PROC / f"{process}/environ").split("\0")
-    value = next((each.removeprefix(f"{ITSELF}=") for each in variables if each.startswith(f"{ITSELF}=")), "")
-    itself, _, began = value.partition(":")
-    stat = read_process(int(itself), read) if itself.isdecimal() else None
-    return stat is not None and str(stat.began) == began
 
 
 def _runs_for_client(process: int, read: Callable[[Path], str]) -> bool:

@@ -228,6 +228,7 @@ def test_undo_outdates_only_proofs_it_took_back() -> None:
     Path("rarms.yaml").write_text(small, encoding="utf-8")
     for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
         assert rarms(*command).code == 0
+    destroyed = rarms("status")
     assert rarms("undo", "--auto-approve").code == 0
     stands_again = rarms("status")
     assert rarms("simulate", "change", "planner", "--off").code == 0
@@ -235,6 +236,7 @@ def test_undo_outdates_only_proofs_it_took_back() -> None:
         assert rarms(*command).code == 0
     taken_back = rarms("status")
 
+    assert "Proven:" not in destroyed.out, "nothing is applied"
     assert "1 of 1 threshold met" in stands_again.out
     assert "planner is outdated" not in stands_again.out
     undone = json.loads(rarms("history", "--json").out)["hosts"]["onboard"][-1]["started_at"]

@@ -423,6 +423,25 @@ def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> Non
     assert exited.stderr == "vision runs in its partition vision on onboard.\nto standard error\n"
 
 
+@pytest.mark.needs("linux")
+def test_run_refuses_component_of_run_exec(tmp_path: Path) -> None:
+    folder = manifest(tmp_path, vision=QUICK, speech=QUICK)
+    words = [sys.executable, "-m", "rarms_iac.cli.main", "run", "--exec", "vision", "-f", folder]
+    with subprocess.Popen(words, cwd=CHECKOUT, stdout=subprocess.PIPE) as service:
+        assert service.stdout is not None
+        service.stdout.readline()
+        refused = rarms("run", "-f", folder, "--samples", "2")
+        other = rarms("run", "speech", "-f", folder, "--samples", "2")
+        service.terminate()
+    again = rarms("run", "-f", folder, "--samples", "2")
+
+    assert (refused.code, other.code, again.code) == (1, 0, 0), refused.err
+    assert refused.out == ""
+    assert "RARMS285" in refused.err
+    assert f'"vision" already runs: process {service.pid} is from `rarms run --exec`.' in " ".join(refused.err.split())
+    assert "speech" not in refused.err
+
+
 @pytest.mark.needs("posix")
 @pytest.mark.parametrize(
     ("words", "code", "message"),

@@ -76,4 +76,4 @@ def test_foreign_stamps_are_counted() -> None:
     pairs.take_output(0, 1.0)
 
     assert list(pairs.jobs(3.0)) == []
-    assert (pairs.unmatched, pairs.unstamped) == (1, 1)
+    assert (pairs.unmatched, pairs.unstamped_inputs, pairs.unstamped_outputs) == (1, 0, 1)

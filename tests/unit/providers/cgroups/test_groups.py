@@ -337,13 +337,13 @@ def reading(texts: Mapping[str, str]) -> Callable[[Path], str]:
 def test_process_of_run_exec_is_no_orphan() -> None:
     texts = {
         "/proc/80/stat": "80 (node) S 1",
-        "/proc/80/environ": "HOME=/\0RARMS_RUN_EXEC=80:0\0",
+        "/proc/80/environ": "HOME=/\0RARMS_RUN_EXEC=80:0:robot/node\0",
         "/proc/81/stat": "81 (helper) S 1",
-        "/proc/81/environ": "RARMS_RUN_EXEC=80:0\0",
+        "/proc/81/environ": "RARMS_RUN_EXEC=80:0:robot/node\0",
         "/proc/82/stat": "82 (left) S 1",
-        "/proc/82/environ": "RARMS_RUN_EXEC=80:7\0",  # of an earlier process with this id
+        "/proc/82/environ": "RARMS_RUN_EXEC=80:7:robot/node\0",  # of an earlier process with this id
         "/proc/83/stat": "83 (lost) S 1",
-        "/proc/83/environ": "RARMS_RUN_EXEC=79:0\0",  # of one that has ended
+        "/proc/83/environ": "RARMS_RUN_EXEC=79:0:robot/node\0",  # of one that has ended
     }
 
     assert orphans([80, 81, 82, 83], reading(texts)) == ((82, "left"), (83, "lost"))
