@@ -5,7 +5,7 @@ Begin at `run_components`: it shows whether the manifest's `run` is right, befor
 
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -20,6 +20,7 @@ from rarms_iac.app.manifests import Manifest, start_warnings
 from rarms_iac.app.requests import argument, flag, option, read_time, refuse_unknown
 from rarms_iac.app.this_machine import find_place
 from rarms_iac.app.use_case_errors import Outcome, RequestError, UseCaseError
+from rarms_iac.measuring.exec_processes import exec_name, refuse_running
 from rarms_iac.measuring.findings import MISSED_UNRESERVED, failed_samples
 from rarms_iac.measuring.on_robot import SAMPLES, ExperimentListener, ask_robot
 from rarms_iac.measuring.other_work import work_of_evidence
@@ -36,7 +37,6 @@ from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.kernel_files import UnreadableFile, most_memory_below
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.orders import CannotStart, ProcessPlace, RunningError, StartContext
-from rarms_iac.running.run_exec import find_exec_process
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import become, order_of
 from rarms_iac.running.work_places import WorkPlaces
@@ -283,7 +283,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
         base=manifest.code_folder.resolve(), inside=find_place(manifest, component, reporter.place_chosen)
     )
     try:
-        become(order_of(name, run, context), _exec_name(manifest, name))
+        become(order_of(name, run, context), exec_name(manifest, name))
     except CannotStart as problem:
         finding = cannot_start(manifest, problem)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
@@ -462,35 +462,6 @@ def _describe_others(result: ComponentRunResult, load: str | None) -> str:
         f"During the run of {show_duration(elapsed_ms)}, other programs used {show_duration(others_ms)} of "
         "processor time. A reservation may help."
     )
-
-
-def refuse_running(manifest: Manifest, components: Iterable[str]) -> None:
-    """Refuse components that run on this machine through `rarms run --exec`: a second process would disturb the first.
-
-    Raises:
-        UseCaseError: One of them runs (failed).
-        UnreadableFile: A file of `/proc` is not as the kernel writes it.
-    """
-    running = {name: find_exec_process(_exec_name(manifest, name)) for name in components}
-    findings = [
-        CANNOT_RUN.at(
-            manifest.places.key("components", name, "run"),
-            '"{component}" already runs: process {process} is from `rarms run --exec`.',
-            "Stop the service of this process, then run the same command again. ROS 1 ends a node when a second node "
-            "with its name starts.",
-            address=f"component/{name}",
-            component=name,
-            process=process,
-        )
-        for name, process in running.items()
-        if process is not None
-    ]
-    if findings:
-        raise UseCaseError(Outcome.FAILED, findings, manifest.sources)
-
-
-def _exec_name(manifest: Manifest, component: str) -> str:
-    return f"{manifest.system.application.name}/{component}"
 
 
 def cannot_start(manifest: Manifest, problem: CannotStart) -> Diagnostic:

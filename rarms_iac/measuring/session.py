@@ -15,6 +15,7 @@ from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.use_case_errors import Outcome, UseCaseError
 from rarms_iac.applying import refusals
 from rarms_iac.measuring.duration import Announced, WallTimes, nothing_announced
+from rarms_iac.measuring.exec_processes import refuse_running
 from rarms_iac.measuring.findings import UNABLE
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.model.diagnostics import Diagnostic
@@ -130,9 +131,11 @@ def refuse_what_cannot_run(
         in_their_partitions: Whether the components are to run in those that were applied for them.
 
     Raises:
-        UseCaseError: There is such a component or load (negative).
+        UseCaseError: There is such a component or load (negative), or a component runs already (failed).
     """
     manifest = session.hosts.manifest
+    if manifest.system.hosts[host.name].provider is ProviderKind.LINUX:
+        refuse_running(manifest, components)
     named = [("components", name, component) for name, component in components.items()]
     for section, name, subject in [*named, *(("interference", name, load) for name, load in loads.items())]:
         in_its_partition = in_their_partitions and section == "components"

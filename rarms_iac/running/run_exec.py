@@ -1,6 +1,6 @@
-"""Recognises the processes that `rarms run --exec` became, by a variable in their environment.
+"""Finds the processes that `rarms run --exec` became, by a variable in their environment.
 
-In: a process of this machine. Out: its value, as long as the process that has it still runs. Begin at `started_by_exec`.
+In: a process of this machine. Out: its value, while the process that has it still runs. Begin at `started_by_exec`.
 """
 
 import os

@@ -188,9 +188,7 @@ def test_wrong_topic_is_named(ros: dict[str, str], tmp_path: Path, monkeypatch: 
 
 
 @ros_1
-def test_only_topic_with_stamp_0_is_named(
-    ros: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_topic_with_stamp_0_is_named(ros: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rarms_iac.running.message_samples.START_S", 4.0)
 
     samples, _ = heard(replace(detector(replace(MESSAGES, output="/blank")), failures=0), tmp_path, ros)

@@ -423,6 +423,28 @@ def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> Non
     assert exited.stderr == "vision runs in its partition vision on onboard.\nto standard error\n"
 
 
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_measure_and_prove_refuse_component_of_run_exec(linux_folder: Path) -> None:
+    on_linux(linux_folder)
+    (linux_folder / "vision.py").write_text(QUICK, encoding="utf-8")
+    folder = str(linux_folder)
+    assert rarms("apply", "-f", folder, "--auto-approve").code == 0
+    words = [sys.executable, "-m", "rarms_iac.cli.main", "run", "--exec", "vision", "-f", folder]
+    with subprocess.Popen(words, cwd=CHECKOUT, stdout=subprocess.PIPE) as service:
+        assert service.stdout is not None
+        service.stdout.readline()
+        proven = rarms("prove", "-f", folder, "--load-host")
+        measured = rarms("measure", "-f", folder, "--load-host", "--stop-partitions")
+        still_runs = service.poll() is None
+        service.terminate()
+
+    for refused in (proven, measured):
+        assert refused.code == 1, refused.err
+        assert f'"vision" already runs: process {service.pid} is from' in " ".join(refused.err.split())
+    assert still_runs
+
+
 @pytest.mark.needs("linux")
 def test_run_refuses_component_of_run_exec(tmp_path: Path) -> None:
     folder = manifest(tmp_path, vision=QUICK, speech=QUICK)
