@@ -435,7 +435,7 @@ def test_measure_and_prove_refuse_component_of_run_exec(linux_folder: Path) -> N
         assert service.stdout is not None
         service.stdout.readline()
         proven = rarms("prove", "-f", folder, "--load-host")
-        measured = rarms("measure", "-f", folder, "--load-host", "--stop-partitions")
+        measured = rarms("measure", "-f", folder, "--stop-partitions")
         still_runs = service.poll() is None
         service.terminate()
 
