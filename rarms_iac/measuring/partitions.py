@@ -148,7 +148,7 @@ def processors_of_load(
 
 
 def _parts(wide: int, others: int, load: Interference, most_parts: int) -> tuple[int, ...]:
-    """Return the processors of each part; the one for the rest comes before a second equal one where one is too many."""
+    """Return the processors of each part; where one is too many, the part for the rest stays."""
     rest = (others,) if others > 0 and most_parts > 1 else ()
     return (*[wide] * min(equal_parts(load), most_parts - len(rest)), *rest)
 
