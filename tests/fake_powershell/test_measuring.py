@@ -61,7 +61,7 @@ def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) ->
     assert host.lock == ""
 
 
-@pytest.mark.parametrize(("memory", "parts"), [("8 GiB", 3), ("3 GiB", 2), ("2 GiB", 1)])
+@pytest.mark.parametrize(("memory", "parts"), [("8 GiB", 3), ("2 GiB", 1)])
 def test_parts_of_load_need_memory(measured: Measured, memory: str, parts: int) -> None:
     host = a_measurable_windows()
     reserves: dict[str, set[int]] = {}

@@ -72,6 +72,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     top = tmp_path_factory.mktemp("strangers")
     (top / "outside").mkdir()
     (top / "outside" / "secret.txt").write_text("secret", encoding="utf-8")
+    (top / "outside" / "secret.txt").chmod(0o755)  # a program that could be started
     checkout = top / "checkout"
     (checkout / "components").mkdir(parents=True)
     (checkout / "components" / "seen.py").write_text("def work(): raise SystemExit('it ran')\n", encoding="utf-8")

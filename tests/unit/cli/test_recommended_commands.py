@@ -519,6 +519,7 @@ SITUATIONS: dict[str, tuple[tuple[Step, ...], *tuple[Ask, ...]]] = {
 
 
 OTHER_TESTS = {
+    '"{component}" already runs: process {process} is from ': "tests/unit/measuring/test_run_component.py",
     "Measure the rest: `rarms measure`.": "tests/unit/measuring/test_passes.py",
     "Or accept the reservations in a plan file: ": "tests/unit/measuring/test_passes.py",
     "Set the governor ": "tests/unit/app/test_data_logs.py",
@@ -597,7 +598,7 @@ NOT_RECOMMENDED = (
     "for the guest, but `rarms apply` does not run it",
     "`rarms undo` of the apply that created the partition still removes it",
     "`rarms undo` and the undo script cannot restore them",
-    "y: stop them like `rarms stop`",
+    "y: stop {them} like `rarms stop`",
     "like `rarms tune --interactive`",
 )
 """Messages that name a command and recommend nothing: what it did or does, by words of each."""

@@ -135,7 +135,7 @@ def test_p2_gets_what_the_host_keeps() -> None:
 
 def shares(room: MeasuringResources, load: Interference, reserve: int, processors: int) -> dict[str, int]:
     setup = a_setup(processors=processors)
-    share = load_share(room, setup, reserve, processors_of_load(room, setup, load, 2))
+    share = load_share(room, setup, reserve, processors_of_load(room, setup, load, 3))
     assert share is not None
     return dict(share.reserves)
 
@@ -149,6 +149,7 @@ def test_last_part_reserves_processors_that_p1_has_no_vp_on() -> None:
     room = the_room()
 
     assert processors_of_load(room, a_setup(processors=1), BURSTS, 2) == (2, 1)
+    assert processors_of_load(room, a_setup(processors=1), BusyLoop(), 2) == (2, 1), "without memory for three"
     assert shares(room, BURSTS, 48, processors=1) == {P2: 52, SECOND: 48}
     assert shares(room, BusyLoop(), 49, processors=1) == {P2: 26, SECOND: 25, LOAD_PARTITIONS[2]: 49}
     share = load_share(room, a_setup(processors=1), 48, (2, 1))

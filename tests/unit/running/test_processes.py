@@ -64,6 +64,7 @@ def test_end_of_the_sampled_process_has_its_name(tmp_path: Path, code: int) -> N
 def test_none_stays_where_one_cannot_start(tmp_path: Path) -> None:
     broken = tmp_path / "broken"
     broken.write_text("does not contain a program", encoding="utf-8")
+    broken.chmod(0o755)
     said = tmp_path / "said"
     run = several(camera=program("open(sys.argv[1], 'w').write(str(os.getpid())); time.sleep(60)", str(said)))
     run = replace(run, processes={**run.processes, "detector": Process(command=("./broken",))})
