@@ -1,5 +1,6 @@
 """A wall clock that goes back, before each command or at each reading: every command ends as under a right one."""
 
+import json
 import time
 from collections.abc import Iterator
 from contextlib import chdir
@@ -85,6 +86,7 @@ def test_undone_proof_stays_undone_after_clock_jump(tmp_path: Path, clock: type[
             clock.step = timedelta(days=1)
             assert rarms(*words).code in {0, 4}, words
 
-        shown = " ".join(rarms("status").out.split())
+        proofs = json.loads(rarms("status", "--json").out)["proofs"]
 
-    assert "its layout on onboard was undone at " in shown
+    assert all("its layout on onboard was undone at " in proof["outdated"][0] for proof in proofs)
+    assert proofs
