@@ -21,7 +21,7 @@ from rarms_iac.measuring.run_experiment import least_shown
 from rarms_iac.measuring.session import MeasuringSession
 from rarms_iac.measuring.stopping import stopped_to_measure
 from rarms_iac.measuring.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
-from rarms_iac.measuring.tuning import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
+from rarms_iac.measuring.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.model.experiment import Experiment, experiments_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept

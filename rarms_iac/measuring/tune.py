@@ -15,15 +15,8 @@ from rarms_iac.measuring.findings import MORE_MEMORY
 from rarms_iac.measuring.on_robot import TUNING, ExperimentListener, ask_robot, readable_answer
 from rarms_iac.measuring.session import MeasuringSession, hold_measuring_hosts, record_reservations, start_warnings_of
 from rarms_iac.measuring.stopping import starting_again, stopped_to_measure
-from rarms_iac.measuring.tuning import (
-    Experiments,
-    TuningConclusion,
-    TuningSubject,
-    problem_around,
-    search_combinations,
-    subject_of_tuning,
-    tuning_host,
-)
+from rarms_iac.measuring.tuning import Experiments, TuningConclusion, search_combinations
+from rarms_iac.measuring.tuning_subject import TuningSubject, problem_around, subject_of_tuning, tuning_host
 from rarms_iac.model.commands import PLAN, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind

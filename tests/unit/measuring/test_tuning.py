@@ -15,14 +15,8 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.measuring.level_prompt import _predicted
 from rarms_iac.measuring.tune import tuning_findings
-from rarms_iac.measuring.tuning import (
-    LayoutFit,
-    TuningStopped,
-    TuningSubject,
-    search_combinations,
-    subject_of_tuning,
-    tuning_host,
-)
+from rarms_iac.measuring.tuning import TuningStopped, search_combinations
+from rarms_iac.measuring.tuning_subject import LayoutFit, TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.infeasibility.relaxations import pair_relaxations
