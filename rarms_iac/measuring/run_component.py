@@ -332,13 +332,8 @@ def _run_group(
         ComponentRun(component.name, run, StartContext(base=base, inside=places[component.name]))
         for component, run in group
     ]
-    one_at_a_time = Lock()
-
-    def say(component: str, missing: str) -> None:
-        with one_at_a_time:
-            reporter.waits(component, missing)
-
     memory: dict[str, int] = {}
+    heard = _OneAtATime(reporter)
 
     def look_at_end(of: ComponentRun) -> None:
         looked.look([run.place for run in runs])
@@ -347,25 +342,15 @@ def _run_group(
 
     for run in runs:
         run.call_before_end(partial(look_at_end, run))
-        run.call_while_waiting(partial(say, run.component))
+        run.call_while_waiting(partial(heard.waits, run.component))
     numbers = {run.component: 0 for run in runs}
     with _looking(looked, runs), run_in_parallel(runs) as samples:
         for name, sample in samples:
             numbers[name] += 1
             if load is not None:
                 load.check()
-            with one_at_a_time:
-                reporter.sample(name, numbers[name], sample)
-    elapsed_ms = 1000 * (time.perf_counter() - began)
-    evidence = SettingEvidence(
-        elapsed_ms=elapsed_ms,
-        skipped_lines={run.component: run.skipped for run in runs if run.skipped.count},
-        messages={run.component: heard for run in runs if (heard := run.heard)},
-        outside=looked.outside([run.place for run in runs], elapsed_ms),
-        others=looked.others(elapsed_ms, elapsed_ms),
-        out_of_memory={run.component: killed for run in runs if (killed := run.killed_for_memory)},
-        threads={run.component: run.threads for run in runs if not run.threads.is_fine},
-    )
+            heard.sample(name, numbers[name], sample)
+    evidence = _evidence_of(runs, looked, 1000 * (time.perf_counter() - began))
     results = [
         ComponentRunResult(
             component=component,
@@ -379,6 +364,37 @@ def _run_group(
     for result, process in zip(results, runs, strict=True):
         reporter.ended(result, process.tail)
     return results
+
+
+class _OneAtATime(SampleReporter):
+    """Has a reporter hear one thing at a time: each component has a thread of its own that reads its samples."""
+
+    def __init__(self, reporter: SampleReporter) -> None:
+        self._reporter = reporter
+        self._lock = Lock()
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Pass it on."""
+        with self._lock:
+            self._reporter.sample(component, number, sample)
+
+    def waits(self, component: str, missing: str) -> None:
+        """Pass it on."""
+        with self._lock:
+            self._reporter.waits(component, missing)
+
+
+def _evidence_of(runs: Sequence[ComponentRun], looked: WorkPlaces, elapsed_ms: float) -> SettingEvidence:
+    """Return what was counted while components ran."""
+    return SettingEvidence(
+        elapsed_ms=elapsed_ms,
+        skipped_lines={run.component: run.skipped for run in runs if run.skipped.count},
+        messages={run.component: heard for run in runs if (heard := run.heard)},
+        outside=looked.outside([run.place for run in runs], elapsed_ms),
+        others=looked.others(elapsed_ms, elapsed_ms),
+        out_of_memory={run.component: killed for run in runs if (killed := run.killed_for_memory)},
+        threads={run.component: run.threads for run in runs if not run.threads.is_fine},
+    )
 
 
 @contextmanager
