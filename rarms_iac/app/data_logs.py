@@ -253,10 +253,12 @@ def present(file: LogFile, subject: LogSubject, files: Files, platform_facts: Ob
         identity = identity_of(replace(subject, load_parts=parts), files.of(subject), {})
         return present_log(file, subject.setup.members, identity, platform_facts)
 
-    each = [found(subject.load_parts)]
-    while each[-1].log is None and len(each) < subject.load_parts:
-        each.append(found(subject.load_parts - len(each)))
-    return each[-1] if each[-1].log is not None else min(each, key=lambda one: len(one.comparison.changed))
+    tried: list[Present] = []
+    for parts in range(subject.load_parts, 0, -1):
+        tried.append(found(parts))
+        if tried[-1].log is not None:
+            return tried[-1]
+    return min(tried, key=lambda each: len(each.comparison.changed))
 
 
 def known_platform(host: Host, facts: HostFacts | None = None) -> PartialPlatform:

@@ -4,13 +4,14 @@ They are marked like every partition, and removed after success, after failure, 
 operations that a step of a plan may hold, too; the caller holds the host's lock.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 
-from rarms_iac.model.capacity import Capacity, capacity_of, fits, shared_processors
+from rarms_iac.model.capacity import Capacity, capacity_of, fits, packs_by_first_fit, shared_processors
 from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.loads import Interference, equal_parts
@@ -164,7 +165,7 @@ class LoadShare:
 
 
 def load_share(
-    resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent, parts: Sequence[int] = ()
+    resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent, parts: Sequence[int]
 ) -> LoadShare | None:
     """Work out the reservation of P2 and the time that its load takes, while P1 reserves this.
 
@@ -173,18 +174,24 @@ def load_share(
     here, and need more than was measured there. On Linux a limit keeps it from both.
 
     Args:
-        parts: the processors of each part of P2 (`processors_of_load`); empty: one part.
+        parts: the processors of each part of P2 (`processors_of_load`).
 
     Returns:
         None: the host cannot give P1 so much.
     """
-    p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
-    memory = memory_for_load(resources, setup)
-    wide = resources.capacity.logical_processors
-    p2 = Claim(processors=wide, reserve=0, memory=max(0, memory))
-    if not fits(resources.capacity, (*resources.claims, p1, p2)):
+    if not _can_give(resources, setup, reserve):
         return None
-    return share_of_parts(resources, (p1,), memory, parts or (wide,))
+    p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
+    return share_of_parts(resources, (p1,), memory_for_load(resources, setup), parts)
+
+
+def _can_give(resources: MeasuringResources, setup: EnvironmentSetup, reserve: ReservePercent) -> bool:
+    """Return whether the host can give this reserve to P1, with the memory of P2."""
+    p1 = resources.capacity.sharing.claim(setup.processors, reserve, setup.memory)
+    p2 = Claim(
+        processors=resources.capacity.logical_processors, reserve=0, memory=max(0, memory_for_load(resources, setup))
+    )
+    return fits(resources.capacity, (*resources.claims, p1, p2))
 
 
 def share_of_parts(
@@ -204,7 +211,8 @@ def share_of_parts(
     each, left = divmod(reserve, parts.count(wide))
     reserves = [each + left, *[each] * (parts.count(wide) - 1)]
     if parts[-1] < wide:
-        reserves.append(_rest(resources, (*claims, replace(p2, reserve=reserve)), parts[-1]))
+        rest = Claim(processors=parts[-1], reserve=0, memory=0)
+        reserves.append(_highest_reserve(resources, (*claims, replace(p2, reserve=reserve)), rest))
     takes = Fraction(sum(vps * each for vps, each in zip(parts, reserves, strict=True)), WHOLE)
     return LoadShare(
         reserve=reserve,
@@ -235,8 +243,14 @@ def share_next_to_layout(
     one = share_of_parts(resources, (), memory, (wide,))
     if most_parts == 1:
         return (wide,), one
-    p2 = Claim(processors=wide, reserve=one.reserve, memory=max(0, memory))
-    rest, others = max((others * _rest(resources, (p2,), others), others) for others in range(1, wide))
+    taken = (*resources.claims, Claim(processors=wide, reserve=one.reserve, memory=0))
+
+    def rest_of(others: int) -> int:  # by first fit: an exact search for each number takes seconds on many LPs
+        rest = Claim(processors=others, reserve=0, memory=0)
+        return others * _highest(rest, resources, taken, lambda claims: packs_by_first_fit(claims, resources.capacity))
+
+    others = max(range(1, wide), key=rest_of)
+    rest = rest_of(others)
     parts = _parts(wide, others if rest >= LEAST_REST else 0, load, most_parts)
     return parts, share_of_parts(resources, (), memory, parts)
 
@@ -253,20 +267,25 @@ def highest_reserve(resources: MeasuringResources, setup: EnvironmentSetup) -> R
     if memory_for_load(resources, setup) < LEAST_MEMORY:
         return 0
     possible = range(min(WHOLE, setup.limit), 0, -1)
-    return next((reserve for reserve in possible if load_share(resources, setup, reserve) is not None), 0)
-
-
-def _rest(resources: MeasuringResources, claims: tuple[Claim, ...], processors: int) -> ReservePercent:
-    return _highest_reserve(resources, claims, Claim(processors=processors, reserve=0, memory=0))
+    return next((reserve for reserve in possible if _can_give(resources, setup, reserve)), 0)
 
 
 def _highest_reserve(resources: MeasuringResources, claims: tuple[Claim, ...], wanted: Claim) -> ReservePercent:
     """Return the most that this claim can reserve, in whole per cent of each of its processors; 0: nothing is left."""
     whole = replace(resources.capacity, processors=resources.shared_processors)
-    for reserve in range(WHOLE, 0, -1):
-        if fits(whole, (*resources.claims, *claims, replace(wanted, reserve=reserve))):
-            return reserve
-    return 0
+    return _highest(wanted, resources, (*resources.claims, *claims), lambda together: fits(whole, together))
+
+
+def _highest(
+    wanted: Claim,
+    resources: MeasuringResources,
+    taken: tuple[Claim, ...],
+    fit: Callable[[tuple[Claim, ...]], bool],
+) -> ReservePercent:
+    """Return the most that a claim can reserve beside what is taken, by a question that has one answer up to there."""
+    most = min(WHOLE, int(WHOLE * resources.shared_processors - load_of(taken).percent) // wanted.processors)
+    reserves = range(1, most + 1)
+    return bisect_left(reserves, True, key=lambda reserve: not fit((*taken, replace(wanted, reserve=reserve))))
 
 
 def _counts(partition: Partition, application: str) -> bool:

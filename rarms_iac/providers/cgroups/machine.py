@@ -197,7 +197,7 @@ BETWEEN_S = (0.005, 0.025)
 """The least and the greatest pause between two looks: at random, so that they lock into no period of a component."""
 
 
-RESTS = 50
+PAUSE_PER_LOOK = 50
 """A pause is at least so many times as long as the look before: looks take at most 2 % of a processor."""
 
 
@@ -237,7 +237,7 @@ class ThreadLooks:
         """Look again and again; each look stands for the time since the one before."""
         pauses, before = Random(), time.perf_counter()  # noqa: S311 - no secret
         memory_from, took_s = before, 0.0
-        while not self._ended.wait(max(pauses.uniform(*BETWEEN_S), RESTS * took_s)):
+        while not self._ended.wait(max(pauses.uniform(*BETWEEN_S), PAUSE_PER_LOOK * took_s)):
             begun = time.perf_counter()
             try:
                 threads, now = sum(map(_runnable, self._tree.processes(self._group))), time.perf_counter()

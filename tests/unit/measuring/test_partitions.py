@@ -110,7 +110,7 @@ def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str 
 
 
 def reserve_of_load(room: MeasuringResources, reserve: int, processors: int = 2) -> int:
-    share = load_share(room, a_setup(processors=processors), reserve)
+    share = load_share(room, a_setup(processors=processors), reserve, (2,))
     assert share is not None
     return share.reserve
 
@@ -128,7 +128,7 @@ def test_p2_gets_what_the_host_keeps() -> None:
 
     assert reserve_of_load(room, 10) == 90
     assert reserve_of_load(room, 90) == 10
-    assert load_share(room, a_setup(), 91) is None
+    assert load_share(room, a_setup(), 91, (2,)) is None
     assert highest_reserve(room, a_setup()) == 90
     assert not room.unreserved
 
@@ -181,7 +181,7 @@ def test_a_linux_load_gets_what_the_slice_leaves() -> None:
     host = replace(a_host(keep_processor="10 %"), provider=ProviderKind.LINUX)
     room = host_resources(host, State(facts=facts(), partitions=()), "robot")
 
-    small = load_share(room, a_setup(), 10)
+    small = load_share(room, a_setup(), 10, (2,))
 
     assert small == LoadShare(reserve=80, reserves={P2: 80}, processors=Fraction(8, 5), others=Fraction(1, 5))
     assert slice_limit(host, 2) == 180
