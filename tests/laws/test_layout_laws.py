@@ -1,8 +1,8 @@
 """What a component shows alone with the default loads, it keeps in a layout with them: 8 random layouts, or 40.
 
 Each layout is drawn with its reservations. The threshold of each index is what the component shows alone with the load
-that delays it most; in the layout no load may delay it more, but for noise. Percentiles of jobs shorter than 5 ms do
-not always keep to it: they depend on how often a component waits.
+that delays it most; in the layout no load may delay it more, but for noise. Only percentiles of job after job, each
+shorter than 5 ms, do not always keep to it: they depend on how often a component waits.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,6 +28,7 @@ SETTLED_MS, UNTIL_MS = 2_500.0, 22_500.0
 NOISE = 1.1
 MOST_MISSED = 0.25
 """Of the layouts, in percentiles: 2 of the 8 miss, and 7 of the 40."""
+SHORT_MS = 5.0
 LEAST_JOBS = 300
 INDEXES = (("mean", 0.0), ("p90", 0.9), ("p95", 0.95))
 
@@ -132,4 +133,10 @@ def test_what_holds_alone_holds_in_layouts() -> None:
     found = {seed: missed(seed, most_parts=3) for seed in range(LAYOUTS)}
 
     assert sum(map(bool, found.values())) <= LAYOUTS * MOST_MISSED, found
-    assert not any(index == "mean" for keys in found.values() for _, index in keys), found
+    assert all(depends_on_waits(seed, *key) for seed, keys in found.items() for key in keys), found
+
+
+def depends_on_waits(seed: int, component: str, index: str) -> bool:
+    """Whether a value is a percentile of job after job, each shorter than `SHORT_MS`."""
+    [demand] = [each.components[0] for each in draw(seed) if each.name == component]
+    return index != "mean" and demand.period_ms is None and demand.work_ms / demand.threads < SHORT_MS
