@@ -180,11 +180,10 @@ def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str
 
 def sweep(machine: Workbench, component: Component, name: str, around: int, seconds: float) -> int | None:
     """Return the least reservation that is enough with a load, within what is swept, in per cent of the host."""
+    priority = PRIORITIES[component.name] if component.task_class else None  # another robot may have these names, too
 
     def is_enough(reserve: int) -> bool:
-        record = machine.at_reserve(
-            component, reserve, PRIORITIES.get(component.name), load=LOADS_WITHOUT_ENTRY[name], seconds=seconds
-        )
+        record = machine.at_reserve(component, reserve, priority, load=LOADS_WITHOUT_ENTRY[name], seconds=seconds)
         return meets(component, values_of(component, series_of(component.name, record["series"])))
 
     return least(max(1, around - BELOW), min(HIGHEST, around + ABOVE), is_enough)
