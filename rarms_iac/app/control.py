@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
-from math import inf
 from typing import Literal, Protocol
 
 from rarms_iac.applying.run_report import RunReporter
@@ -51,7 +50,7 @@ class WorkBegun:
     units: int
     more_follows: bool = False  # a later pass measures the same again, more precisely
     at_most: bool = False  # answers may end the work earlier
-    unit_ms: float = inf  # longest time of a unit, by the user's clock; infinite: unknown
+    unit_ms: float | None = None  # longest time of a unit, by the user's clock; None: unknown
     later_ms: float = 0.0  # longest time of later passes
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from fractions import Fraction
 from itertools import groupby
-from math import inf
 from pathlib import Path
 from typing import Literal
 
@@ -280,7 +279,7 @@ def _measure_precisely(
     units = Units(
         reporter=held.control.reporter.settings,
         of=sum(map(len, groups)),
-        longest_ms=max(map(longest_later_ms, groups)) if known else inf,
+        longest_ms=max(map(longest_later_ms, groups)) if known else None,
     )
     for loads in groups:
         look = next((look for look in found.looks if is_of(look, loads)), ())

@@ -40,7 +40,7 @@ def first_pass(
         reporter=session.control.reporter.settings,
         of=sum(map(len, groups)),
         more_follows=more_follows,
-        longest_ms=max(map(longest_first_ms, groups)) if known else inf,
+        longest_ms=max(map(longest_first_ms, groups)) if known else None,
         later_ms=sum(len(group) * longest_later_ms(group) for group in groups) if more_follows else 0.0,
     )
     for group in ordered:

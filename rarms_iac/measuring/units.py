@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from math import inf, isinf
+from math import isinf
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, UnitEnding, UnitValue, WorkBegun
 from rarms_iac.measuring.duration import forecast, settings_to_run
@@ -26,7 +26,7 @@ class Units:
     reporter: MeasuringReporter
     of: int
     more_follows: bool = False
-    longest_ms: float = inf  # of one unit, by the user's clock; infinite: unknown
+    longest_ms: float | None = None  # of one unit, by the user's clock; None: unknown
     later_ms: float = 0.0  # longest time of the passes that follow
     _ended: int = field(default=0)
 

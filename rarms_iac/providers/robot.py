@@ -322,7 +322,7 @@ def _saying_here(conversation: Conversation) -> Iterator[None]:
 
 def line_of(message: Request | Answer) -> bytes:
     """Return a message as its line."""
-    return json.dumps(encode(message), separators=(",", ":")).encode("ascii") + b"\n"
+    return json.dumps(encode(message), separators=(",", ":"), allow_nan=False).encode("ascii") + b"\n"
 
 
 def calls_sent_by(interface: type[Any], target: str, send: Callable[[ReporterCall], None], ask: Ask) -> Any:

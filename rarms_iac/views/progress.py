@@ -1,7 +1,6 @@
 """What is shown while components run: each setting of a measurement, and each sample of `rarms run` as it happens."""
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.control import FinishedUnit, MeasuringReporter, RemainingSettings, WorkBegun
@@ -61,7 +60,8 @@ class MeasuringProgress(MeasuringReporter):
         self._units = self._ended = 0
         self._took: tuple[float, ...] = ()  # seconds of each unit of this pass
         self._more_follows = self._at_most = False
-        self._unit_ms, self._later_ms = inf, 0.0  # longest times
+        self._unit_ms: float | None = None  # longest time; None: unknown
+        self._later_ms = 0.0
         self._provisional: dict[str, str] = {}  # answers of the first pass, by their subject
 
     def work_begun(self, work: WorkBegun) -> None:
@@ -169,7 +169,7 @@ class MeasuringProgress(MeasuringReporter):
             return ""
         rest, running = self._units - self._ended, self._clock() - self._unit_began
         least, most = self._by_ended(rest, running)
-        if self._unit_ms < inf:
+        if self._unit_ms is not None:
             bound = (rest - 1) * self._unit_ms + max(0.0, self._unit_ms - 1000 * running) + self._later_ms
             least = 0.0 if self._later_ms else min(least, bound)
             return f"{show_duration(least)} to {show_duration(bound)} left" if least else _at_most(bound)

@@ -8,15 +8,18 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.app.control import MeasuringReporter, WorkBegun
 from rarms_iac.app.hosts import Hosts, load
 from rarms_iac.app.use_case_errors import UseCaseError
 from rarms_iac.measuring.on_robot import ExperimentJob, different_files
 from rarms_iac.measuring.tune import TunedThere, TuneRequest, TuningResult, UnattendedTuning, tune_components
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.providers.channel import ProgramChannel
-from rarms_iac.providers.robot import READY, YES
-from rarms_iac.storage.codec import encode
+from rarms_iac.providers.interface import RobotListener
+from rarms_iac.providers.robot import READY, YES, Answer, ReporterCall, calls_sent_by, line_of, perform_call
+from rarms_iac.storage.codec import decode_union, encode
 from rarms_iac.storage.datalog.decisions import TuningRun, append_run, read_runs
+from rarms_iac.storage.json_text import parse_json
 
 pytestmark = pytest.mark.needs("posix")
 
@@ -100,6 +103,28 @@ def test_a_question_travels_and_the_manifest_is_written(tmp_path: Path) -> None:
     assert result.run == RUN
     assert read_runs(tmp_path / "measurements/onboard/tuning.jsonl") == (RUN,)
     assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == f"{MANIFEST}# tuned\n"
+
+
+@pytest.mark.parametrize(
+    "work",
+    [WorkBegun(units=3), WorkBegun(units=3, more_follows=True, unit_ms=180_000.0, later_ms=7_200_000.0)],
+    ids=["unknown length", "known length"],
+)
+def test_work_is_announced_from_robot(work: WorkBegun) -> None:
+    class Heard(MeasuringReporter):
+        def work_begun(self, work: WorkBegun) -> None:
+            begun.append(work)
+
+    begun: list[WorkBegun] = []
+
+    def send(call: ReporterCall) -> None:
+        answer: Answer = decode_union(Answer, parse_json(line_of(call).decode("ascii")))
+        assert isinstance(answer, ReporterCall)
+        perform_call(RobotListener(reporters={"settings": (MeasuringReporter, Heard())}), answer)
+
+    calls_sent_by(MeasuringReporter, "settings", send, lambda: False).work_begun(work)
+
+    assert begun == [work]
 
 
 @pytest.mark.parametrize(
