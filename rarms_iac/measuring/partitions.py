@@ -35,6 +35,9 @@ from rarms_iac.providers.measuring import ScriptedMeasuringHost
 USUAL_LOAD_MEMORY = 512 * 2**20
 """Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""
 
+LEAST_GROUP_MEMORY = 64 * 2**20
+"""Bytes that each part of P2 needs in a control group, which has no operating system of its own."""
+
 _AT_REST = {RunState.OFF, RunState.SAVED}
 
 
@@ -55,6 +58,7 @@ class MeasuringResources:
     claims: tuple[Claim, ...]  # of every machine that counts and is not a test partition
     shared_processors: LogicalProcessors  # that all partitions can use together
     load_memory: int = USUAL_LOAD_MEMORY  # bytes that P2 gets where so many are left
+    least_part: int = USUAL_LOAD_MEMORY  # bytes without which P2 has fewer parts
 
     @property
     def unreserved(self) -> bool:
@@ -72,13 +76,14 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
     Returns:
         Its capacity, and the claims of all machines but test partitions.
     """
-    capacity = capacity_of(host, state.facts)
+    capacity, has_groups = capacity_of(host, state.facts), host.provider is ProviderKind.LINUX
     return MeasuringResources(
         capacity=capacity,
         shared_processors=shared_processors(host, capacity.logical_processors),
         claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
         # A control group's memory is a limit that costs nothing, and ten real browsers need more than the usual.
-        load_memory=int(host.memory) if host.provider is ProviderKind.LINUX else USUAL_LOAD_MEMORY,
+        load_memory=int(host.memory) if has_groups else USUAL_LOAD_MEMORY,
+        least_part=LEAST_GROUP_MEMORY if has_groups else USUAL_LOAD_MEMORY,
     )
 
 
@@ -118,12 +123,12 @@ def free_memory(resources: MeasuringResources, taken: int = 0, parts: int = 1) -
 
 
 def parts_that_fit(resources: MeasuringResources, wanted: int, taken: int = 0) -> int:
-    """Say in how many parts P2 can be made: the most of those wanted that all have the usual memory, and at least 1.
+    """Say in how many parts P2 can be made: the most of those wanted that all have enough memory, and at least 1.
 
     Args:
         taken: bytes that are promised in addition to its claims.
     """
-    fitting = (parts for parts in range(wanted, 1, -1) if free_memory(resources, taken, parts) >= USUAL_LOAD_MEMORY)
+    fitting = (parts for parts in range(wanted, 1, -1) if free_memory(resources, taken, parts) >= resources.least_part)
     return next(fitting, 1)
 
 

@@ -16,6 +16,7 @@ from rarms_iac.measuring.partitions import (
     load_share,
     memory_for_load,
     other_running_partitions,
+    parts_that_fit,
     processors_of_load,
     running_test_partitions,
     set_reserves,
@@ -174,6 +175,13 @@ def test_load_next_to_layout_reserves_processors_without_a_partition() -> None:
     ):
         found, share = share_next_to_layout(room, BURSTS, 0, 2)
         assert (found, share.reserves) == (parts, reserves)
+
+
+@pytest.mark.parametrize(("provider", "parts"), [(ProviderKind.LINUX, 3), (ProviderKind.SIMULATED, 2)])
+def test_parts_of_load_need_less_memory_in_control_groups(provider: ProviderKind, parts: int) -> None:
+    room = host_resources(replace(a_host(), provider=provider), State(facts=facts(), partitions=()), "robot")
+
+    assert parts_that_fit(room, 3, taken=memory("3 GiB")) == parts
 
 
 def test_a_linux_load_gets_what_the_slice_leaves() -> None:
