@@ -39,7 +39,7 @@ APPLY = ("apply", "--auto-approve")
 UNDO = ("undo", "--auto-approve")
 EFFECTS = 84
 """What an apply of the manifest changes, about: kills are spread over it."""
-POINTS = range(10) if LONG else (5,)
+POINTS = range(10)
 """Tenths of them, after which a program is killed."""
 
 
@@ -67,31 +67,6 @@ def a_way_into_guests(linux: Engine, folder: Path) -> Iterator[tuple[LinuxHost, 
 def is_as_wanted(remote: Remote) -> bool:
     planned = remote.rarms("plan")
     return planned.code == 0 and "No changes." in planned.out
-
-
-def test_whole_way_ends_where_it_began(linux: Engine, tmp_path: Path) -> None:
-    with a_way(linux, tmp_path) as (there, remote):
-        before = seen(there.host)
-
-        assert remote.rarms("plan").code == 0
-        assert seen(there.host) == before, "looking changes nothing"
-        applied = remote.rarms(*APPLY)
-        assert applied.code == 0, applied
-        assert is_as_wanted(remote)
-        shown = remote.rarms("status")
-        assert (shown.code, "vision" in shown.out) == (0, True), shown
-        assert remote.rarms("drift").code == 0
-        assert "apply" in remote.rarms("history").out
-        undone = remote.rarms(*UNDO)
-        assert undone.code == 0, undone
-        assert seen(there.host) == before
-
-        if LONG:
-            assert remote.rarms(*APPLY).code == 0
-            destroyed = remote.rarms("destroy", "--auto-approve")
-            assert destroyed.code == 0, destroyed
-            assert seen(there.host) == before
-        assert scripts_left(there) == []
 
 
 def kill_pwsh(remote: Remote, rarms: int) -> None:
@@ -141,8 +116,36 @@ def again(remote: Remote, *words: str) -> Ended:
     return ended
 
 
+def test_whole_way_ends_where_it_began(linux: Engine, tmp_path: Path) -> None:
+    with a_way(linux, tmp_path) as (there, remote):
+        before = seen(there.host)
+
+        assert remote.rarms("plan").code == 0
+        assert seen(there.host) == before, "looking changes nothing"
+        killed = killed_at(there, remote, APPLY, EFFECTS // 2, kill_ssh)
+        assert killed.code != 0, killed
+        applied = again(remote, *APPLY)
+        assert applied.code == 0, applied
+        assert is_as_wanted(remote)
+        shown = remote.rarms("status")
+        assert (shown.code, "vision" in shown.out) == (0, True), shown
+        assert remote.rarms("drift").code == 0
+        assert "apply" in remote.rarms("history").out
+        undone = remote.rarms(*UNDO)
+        assert undone.code == 0, undone
+        assert seen(there.host) == before
+
+        if LONG:
+            assert remote.rarms(*APPLY).code == 0
+            destroyed = remote.rarms("destroy", "--auto-approve")
+            assert destroyed.code == 0, destroyed
+            assert seen(there.host) == before
+        assert scripts_left(there) == []
+
+
+@pytest.mark.needs("long")
 @pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("victim", [kill_pwsh, kill_ssh, kill_rarms] if LONG else [kill_ssh])
+@pytest.mark.parametrize("victim", [kill_pwsh, kill_ssh, kill_rarms])
 def test_next_command_continues_after_a_kill(
     linux: Engine, tmp_path: Path, victim: Callable[[Remote, int], None], point: int
 ) -> None:
@@ -156,10 +159,9 @@ def test_next_command_continues_after_a_kill(
         assert applied.code == 0, applied
         assert is_as_wanted(remote)
         assert [vm.name for vm in there.host.vms.values()] == ["vision"]
-        if LONG:
-            undone = remote.rarms(*UNDO)
-            assert undone.code == 0, undone
-            assert seen(there.host) == before
+        undone = remote.rarms(*UNDO)
+        assert undone.code == 0, undone
+        assert seen(there.host) == before
 
 
 TWO_HOSTS = """\
