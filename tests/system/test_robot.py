@@ -261,6 +261,7 @@ WITH_ITS_PROGRAMS = """\
   video-streaming:
     cpu: {{ reserve: 0.2 LP }}
     run: {{ command: [{python}, components/video_streaming.py, --period-ms, '33'] }}
+policy: {{ measuring: {{ proof: 1 min }} }}
 """
 
 

@@ -568,8 +568,9 @@ def test_killed_server_is_told_and_replaced(browser: "WebDriver", slow: Path) ->
             browser, "return document.querySelector('#apply .does')?.textContent"
         )
         types(browser, "apply-application", "slow")
-        assert waits_for_end(browser, "rarms start") == "ended."
+        # The hosts first: the preview has ended as `rarms start`, too, and while an action runs no other begins.
         waits_for(browser, "return !document.getElementById('hosts').textContent.includes('test partition')")
+        assert waits_for_end(browser, "rarms start") == "ended."
         press(browser, "measure")
         waits_for(browser, "return document.querySelector('#m1 .dot') !== null")
 
