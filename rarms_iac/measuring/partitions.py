@@ -27,7 +27,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
-from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2_WEIGHT, EnvironmentSetup, PartitionShape
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
@@ -167,6 +167,14 @@ class LoadShare:
     reserves: Mapping[str, ReservePercent]  # of each part, by its name: per cent of each of its own processors
     processors: Fraction  # LPs that a load takes at least if it never sleeps
     others: Fraction  # LPs of what partitions can use together that P2 does not reserve
+
+
+def idle_parts(reserves: Mapping[str, ReservePercent]) -> frozenset[str]:
+    """Return the parts of P2 in which no load runs, as they reserve nothing: on a full host it would never start.
+
+    The first part always has a load.
+    """
+    return frozenset(name for name, reserve in reserves.items() if not reserve) - {P2}
 
 
 def load_share(
