@@ -168,13 +168,25 @@ def report(
     return abs(apart) <= max(NEAR, 0.05 * most)
 
 
-def measured(robot: Path, environment: Mapping[str, str], name: str) -> dict[str, float | None]:
-    """Return what `rarms measure` answers by load, in per cent of the host; None: nothing."""
+def measured(
+    robot: Path, environment: Mapping[str, str], name: str, *, is_quick: bool = False
+) -> dict[str, float | None]:
+    """Return what `rarms measure` answers by load, in per cent of the host; None: nothing.
+
+    Args:
+        is_quick: Whether the answer is that of the first pass.
+    """
     words = (sys.executable, "-m", "rarms_iac", "measure", name, "--overlay", "budget.yaml", "--json")
+    words += ("--quick",) if is_quick else ()
     done = subprocess.run(words, cwd=robot, env=dict(environment), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 4):
         raise RuntimeError(f"measure {name} ended with {done.returncode}")
     found = json.loads(done.stdout)["experiments"]
+    if is_quick:
+        return {
+            each["interference"]: 100 * each["provisional_lp"] / each["host_lp"] if each["is_provisional"] else None
+            for each in found
+        }
     return {each["interference"]: percent_of_host(each) if each["planned"] else None for each in found}
 
 
