@@ -46,12 +46,16 @@ class Crossing:
     smooth: bool  # no cliff: the curve between the fail and the pass may be read off them
 
 
-def crossings_of(history: Sequence[SearchTrial], goal: Goal, failed: int, passed: int) -> Iterator[Crossing]:
+def crossings_of(
+    history: Sequence[SearchTrial], goal: Goal, failed: int, passed: int, *, of_bound: bool = True
+) -> Iterator[Crossing]:
     """Read off the crossings that lie between a failing setting (0: none) and a passing one (101: none).
 
     Args:
         history: the settings so far, with their verdicts.
         goal: every index of every member is asked on its own.
+        of_bound: Whether the bound at the end of a setting is to meet the threshold. False: the estimate, as in the
+            first pass.
 
     Returns:
         One for each index of which the settings tell anything.
@@ -64,7 +68,7 @@ def crossings_of(history: Sequence[SearchTrial], goal: Goal, failed: int, passed
             if series.component == member.name and series.samples
         }
         for index, threshold in member.apt.items():
-            read_as, target = _time_wanted(measured, goal, member, index, threshold, of_bound=True)
+            read_as, target = _time_wanted(measured, goal, member, index, threshold, of_bound=of_bound)
             found = (_point(reserve, series, member, read_as) for reserve, series in measured.items())
             points = [point for point in found if point is not None]
             failing = [point for point in points if point.reserve <= failed]

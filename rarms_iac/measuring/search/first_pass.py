@@ -61,7 +61,8 @@ def _next(trials: Sequence[SearchTrial], goal: Goal, failed: int, upper: int) ->
         return upper  # the highest shows whether anything meets them
     if len(trials) >= _BY_MODEL and upper > _WIDE * max(1, failed):
         return round(middle)
-    return ceil(max((crossing.at for crossing in crossings_of(trials, goal, failed, upper)), default=middle))
+    crossings = crossings_of(trials, goal, failed, upper, of_bound=False)
+    return ceil(max((crossing.at for crossing in crossings), default=middle))
 
 
 def _look(reserve: int) -> Measure:
