@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import floor, inf, log, sqrt
-from statistics import NormalDist
+from statistics import NormalDist, fmean
 
 from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial, done_share, judge_settings
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Sufficient
@@ -126,10 +126,15 @@ def _beyond(points: Sequence[_Point], target: float, work: float | None) -> Cros
 
 
 def _work(points: Sequence[_Point], processors: int) -> float | None:
-    """Return the work on as few processors as all settings allow: no response has time for more."""
+    """Return the work on as few processors as all settings allow: no response has time for more.
+
+    Where none allows it, the component got more than it reserves, which a host may give it: its jobs only compute.
+    """
     known = [(point.work, point.time_ms * point.reserve) for point in points if point.work is not None]
     counts = [n for n in range(1, processors + 1) if all(work / n <= _WORK_ALONE * room for work, room in known)]
-    return sum(work for work, _ in known) / len(known) / counts[0] if known and counts else None
+    if not known:
+        return None
+    return fmean(work / counts[0] if counts else room for work, room in known)
 
 
 def _time_wanted(

@@ -66,6 +66,16 @@ def test_flat_curve_is_not_known_by_its_work() -> None:
     assert not is_known(near, (a_setting(60, 1800, fixed_ms=45.0, steep=0.1),), a_goal())
 
 
+def test_time_above_the_reservation_still_shows_the_slope() -> None:
+    """A host gave 5 % more than is reserved: 42.3 ms with 45 %, so that about 43 % meet 45 ms."""
+    setting = replace(a_setting(45, 25, steep=1 / 1.05), first_pass=True)
+
+    decision = search_by_estimates([setting], a_goal(), 100)
+
+    assert isinstance(decision, Measure)
+    assert 40 <= decision.reserve <= 44
+
+
 @pytest.mark.parametrize(("jobs", "least"), [(60, 43), (1800, None)])
 def test_lower_answer_is_named_where_budget_ended(jobs: int, least: int | None) -> None:
     goal = a_goal()
