@@ -176,8 +176,8 @@ def measured(
     Args:
         is_quick: Whether the answer is that of the first pass.
     """
-    words = (sys.executable, "-m", "rarms_iac", "measure", name, "--overlay", "budget.yaml", "--json")
-    words += ("--quick",) if is_quick else ()
+    words = [sys.executable, "-m", "rarms_iac", "measure", name, "--overlay", "budget.yaml", "--json"]
+    words += ["--quick"] if is_quick else []
     done = subprocess.run(words, cwd=robot, env=dict(environment), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 4):
         raise RuntimeError(f"measure {name} ended with {done.returncode}")
