@@ -163,12 +163,16 @@ def shown(page: "WebDriver", name: str) -> str:
 
 
 def press(page: "WebDriver", form: str) -> None:
-    """Click a form's button; a page that is made again between looking and clicking is looked at again."""
+    """Press a form's button by keyboard, once it may be pressed: a page that is made again keeps the focus."""
     from selenium.common.exceptions import StaleElementReferenceException
+    from selenium.webdriver import Keys
 
+    button = f"#{form} button:last-of-type"
     for _ in range(20):
+        waits_for(page, "return document.querySelector(arguments[0])?.disabled === false", button)
+        page.execute_script("document.querySelector(arguments[0]).focus()", button)
         with suppress(StaleElementReferenceException):
-            page.find_element("css selector", f"#{form} button:last-of-type").click()
+            page.switch_to.active_element.send_keys(Keys.ENTER)
             return
     raise AssertionError(f"#{form} does not hold still")
 
