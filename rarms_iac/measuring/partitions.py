@@ -27,7 +27,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors, ReservePercent
-from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2, P2_WEIGHT, EnvironmentSetup, PartitionShape
+from rarms_iac.model.setting import LOAD_PARTITIONS, P1, P2_WEIGHT, EnvironmentSetup, PartitionShape
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
@@ -35,8 +35,9 @@ from rarms_iac.providers.measuring import ScriptedMeasuringHost
 USUAL_LOAD_MEMORY = 512 * 2**20
 """Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""
 
-LEAST_GROUP_MEMORY = 64 * 2**20
-"""Bytes that each part of P2 needs in a control group, which has no operating system of its own."""
+_LOAD_PROCESS_MEMORY = 16 * 2**20
+"""Bytes for a process of a load; a control group has no operating system of its own, and a load a process for each LP.
+"""
 
 _AT_REST = {RunState.OFF, RunState.SAVED}
 
@@ -77,13 +78,14 @@ def host_resources(host: Host, state: State, application: str) -> MeasuringResou
         Its capacity, and the claims of all machines but test partitions.
     """
     capacity, has_groups = capacity_of(host, state.facts), host.provider is ProviderKind.LINUX
+    of_group = LEAST_MEMORY + capacity.logical_processors * _LOAD_PROCESS_MEMORY
     return MeasuringResources(
         capacity=capacity,
         shared_processors=shared_processors(host, capacity.logical_processors),
         claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
         # A control group's memory is a limit that costs nothing, and ten real browsers need more than the usual.
         load_memory=int(host.memory) if has_groups else USUAL_LOAD_MEMORY,
-        least_part=LEAST_GROUP_MEMORY if has_groups else USUAL_LOAD_MEMORY,
+        least_part=of_group if has_groups else USUAL_LOAD_MEMORY,
     )
 
 
@@ -167,14 +169,6 @@ class LoadShare:
     reserves: Mapping[str, ReservePercent]  # of each part, by its name: per cent of each of its own processors
     processors: Fraction  # LPs that a load takes at least if it never sleeps
     others: Fraction  # LPs of what partitions can use together that P2 does not reserve
-
-
-def idle_parts(reserves: Mapping[str, ReservePercent]) -> frozenset[str]:
-    """Return the parts of P2 in which no load runs, as they reserve nothing: on a full host it would never start.
-
-    The first part always has a load.
-    """
-    return frozenset(name for name, reserve in reserves.items() if not reserve) - {P2}
 
 
 def load_share(

@@ -19,7 +19,6 @@ from rarms_iac.measuring.evidence import MeasuredIndex, with_memory_kills
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
-    idle_parts,
     load_shapes,
     parts_that_fit,
     running_test_partitions,
@@ -424,8 +423,7 @@ def _work_of(layout: AppliedLayout, load: LoadPartition | None, seed: int, least
         classes = classes_of(layout.on_host, layout.tasks, "", first_line("")).classes
         partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
     if load is not None:
-        working = {shape.name for shape in load.shapes} - idle_parts(load.reserves)
-        partitions += (PartitionWork(partition=name, load=load.load) for name in sorted(working))
+        partitions += (PartitionWork(partition=shape.name, load=load.load) for shape in load.shapes)
     return Work(
         application=layout.application,
         partitions=tuple(partitions),

@@ -3,7 +3,7 @@
 What disturbed it is measured once more.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from math import inf
@@ -15,7 +15,6 @@ from rarms_iac.measuring.experiment_log import KnownSettings
 from rarms_iac.measuring.partitions import (
     MeasuringResources,
     free_memory,
-    idle_parts,
     load_share,
     processors_of_load,
     running_test_partitions,
@@ -104,13 +103,8 @@ def _parts_of_load(experiment: Experiment, resources: MeasuringResources) -> tup
     return processors_of_load(resources, experiment.setup, experiment.load, experiment.load_parts)
 
 
-def work_in_test_partitions(
-    experiment: Experiment, resources: MeasuringResources, idle: Collection[str] = ()
-) -> tuple[PartitionWork, ...]:
+def work_in_test_partitions(experiment: Experiment, resources: MeasuringResources) -> tuple[PartitionWork, ...]:
     """Say what runs in P1 and in P2.
-
-    Args:
-        idle: parts of P2 without a load.
 
     Returns:
         P1's work, then that of each part of P2.
@@ -118,7 +112,7 @@ def work_in_test_partitions(
     p1, *parts = shapes_for(experiment, resources)
     return (
         PartitionWork(partition=p1.name, components=experiment.members, classes=_task_classes(experiment)),
-        *(PartitionWork(partition=each.name, load=experiment.load) for each in parts if each.name not in idle),
+        *(PartitionWork(partition=part.name, load=experiment.load) for part in parts),
     )
 
 
@@ -147,7 +141,6 @@ def run_setting(
     share = load_share(site.resources, experiment.setup, request.reserve, parts)
     if share is None:
         raise ValueError(f"the host cannot give {request.reserve} %")
-    work = _work(site, request, idle_parts(share.reserves))
     set_reserves(site.host, experiment.application, site.shapes, {P1: request.reserve, **share.reserves})
     processors = site.resources.capacity.logical_processors
     steady_share = share if wants_all_processors(experiment.load, processors) else None
@@ -164,7 +157,7 @@ def run_setting(
             processors=experiment.setup.processors,
             first_pass=request.first_pass,
         )
-        setting, evidence = _try_setting(site, request, empty, known, before, work)
+        setting, evidence = _try_setting(site, request, empty, known, before)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         spent_ms = setting.host_ms
@@ -176,7 +169,7 @@ def run_setting(
 
 
 def _try_setting(
-    site: Site, request: Measure, empty: Setting, known: KnownSettings, before: Sequence[Setting], work: Work
+    site: Site, request: Measure, empty: Setting, known: KnownSettings, before: Sequence[Setting]
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """Return a setting from the first sample to the last, and what the host counted meanwhile."""
     experiment, control = site.experiment, site.control
@@ -211,7 +204,7 @@ def _try_setting(
 
     contenders = _contenders(experiment, site.resources, request.reserve)
     settling = Settling(scheduler_window_ms=site.host.scheduler_memory_ms, contenders=contenders)
-    work = replace(work, least_ms=settling.least_ms)
+    work = replace(_work(site, request), least_ms=settling.least_ms)
     left_ms = goal.budget.at(request.reserve) - known.spent_ms(request.reserve, site.seed) - empty.host_ms
     if request.first_pass:
         left_ms = LONGEST_MS
@@ -243,7 +236,7 @@ def _contenders(
     return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
 
 
-def _work(site: Site, request: Measure, idle: Collection[str]) -> Work:
+def _work(site: Site, request: Measure) -> Work:
     """Return the work of this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
@@ -253,7 +246,7 @@ def _work(site: Site, request: Measure, idle: Collection[str]) -> Work:
     goes_on, all_samples = request.until_clear and not request.within_until, SampleCount(samples=4 * MOST_SAMPLES)
     return Work(
         application=experiment.application,
-        partitions=(*work_in_test_partitions(experiment, site.resources, idle), *site.others),
+        partitions=(*work_in_test_partitions(experiment, site.resources), *site.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
         seed=(site.seed + (FIRST_PASS_SEED if request.first_pass else 0)) * SEED_STEP + request.reserve,
     )

@@ -259,6 +259,22 @@ def test_real_processes_share_as_p1_and_p2_reserve(tmp_path: Path, reserve: int)
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
+def test_further_part_without_a_reservation_runs_no_load(tmp_path: Path) -> None:
+    """On a full host it would never start, and the measurement would end."""
+    host, second = linux(tmp_path), LOAD_PARTITIONS[1]
+    with ready(host):
+        set_reserves(host, "robot", SHAPES, {P1: 60, P2: 40, second: 0})
+        with host.run(some_work(EYES, eyes=SampleCount(samples=20))) as running:
+            assert list(running.samples())
+            evidence = running.evidence()
+    forget_groups(tmp_path)
+
+    assert evidence is not None
+    assert (evidence.cpu_ms[P2] > 0, evidence.cpu_ms[second]) == (True, 0)
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_real_work_leaves_nothing_and_ran_in_groups(tmp_path: Path) -> None:
     host, groups = linux(tmp_path), groups_of(tmp_path)
     with ready(host):

@@ -131,9 +131,9 @@ def _work(points: Sequence[_Point], processors: int) -> float | None:
     Where none allows it, the component got more than it reserves, which a host may give it: its jobs only compute.
     """
     known = [(point.work, point.time_ms * point.reserve) for point in points if point.work is not None]
-    counts = [n for n in range(1, processors + 1) if all(work / n <= _WORK_ALONE * room for work, room in known)]
     if not known:
         return None
+    counts = [n for n in range(1, processors + 1) if all(work / n <= _WORK_ALONE * room for work, room in known)]
     return fmean(work / counts[0] if counts else room for work, room in known)
 
 

@@ -138,7 +138,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 loads = [
                     ends.enter_context(self._interfering_load(part.load, part, groups))
                     for part in work.partitions
-                    if part.load is not None
+                    if part.load is not None and self._gets_time(part.partition, groups)
                 ]
                 runs = [run for part in work.partitions for run in self._component_runs(part, groups)]
             started = time.perf_counter()
@@ -206,6 +206,12 @@ class LinuxMeasuringHost(LinuxHostProvider):
                     parent = self.tree.parent_of_containers(groups[partition])
                     advice = f"Start it there, with `Slice={parent}` in its unit or with `--cgroup-parent {parent}`."
                     raise HostRefused(self.name, message, advice)
+
+    def _gets_time(self, partition: str, groups: Mapping[str, str]) -> bool:
+        """Return False for a further part of P2 that reserves nothing: on a full host, its load would never start."""
+        if partition not in LOAD_PARTITIONS[1:]:
+            return True
+        return self.tree.read(groups[partition]).shares_percent > LEAST_SHARES_PERCENT
 
     def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
         group = groups.get(part.partition)

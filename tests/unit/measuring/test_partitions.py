@@ -12,7 +12,6 @@ from rarms_iac.measuring.partitions import (
     MeasuringResources,
     highest_reserve,
     host_resources,
-    idle_parts,
     load_shapes,
     load_share,
     memory_for_load,
@@ -176,18 +175,6 @@ def test_load_next_to_layout_reserves_processors_without_a_partition() -> None:
     ):
         found, share = share_next_to_layout(room, BURSTS, 0, 2)
         assert (found, share.reserves) == (parts, reserves)
-
-
-def test_part_without_a_reservation_has_no_load() -> None:
-    """Where half of the LPs is kept for the host, P1 and two parts take what there is, and none is left for a third."""
-    host = replace(a_host(keep_processor="50 %"), provider=ProviderKind.LINUX)
-    room = host_resources(host, State(facts=facts(), partitions=()), "robot")
-
-    given = shares(room, BusyLoop(), 40, processors=1)
-
-    assert [given[part] > 0 for part in LOAD_PARTITIONS] == [True, True, False]
-    assert idle_parts(given) == {LOAD_PARTITIONS[2]}
-    assert idle_parts({P2: 0, LOAD_PARTITIONS[1]: 0}) == {LOAD_PARTITIONS[1]}, "the first part always has a load"
 
 
 @pytest.mark.parametrize(("provider", "parts"), [(ProviderKind.LINUX, 3), (ProviderKind.SIMULATED, 2)])
