@@ -30,41 +30,29 @@ FOR_THE_LONG_RUN = frozenset(
         "test_a_run_whose_last_look_disagrees_stays_unfinished",
         "test_a_second_run_calls_nothing",
         "test_a_value_of_another_type_is_written_again",
-        "test_after_kill_refusal_names_what_others_changed_alone",
         "test_bar_is_shown_where_person_looks_on",
         "test_changed_disk_is_not_deleted",
         "test_child_disk_matches_parent_in_any_case",
         "test_class_with_default_value_is_refused_beforehand",
-        "test_declined_step_skips_what_builds_on_it",
-        "test_destructive_script_asks_by_its_path_too",
         "test_disk_stays_unasked_and_is_told",
-        "test_earlier_run_does_not_become_the_original",
         "test_existing_machine_is_known_by_id",
         "test_guests_own_boot_entry_is_accepted",
-        "test_interrupted_run_shows_no_earlier_verdict",
-        "test_journal_keeps_module_unless_script_holds_it",
         "test_killed_run_is_finished_by_its_own_module",
         "test_later_machine_without_smt_takes_whole_cores",
-        "test_machine_larger_than_a_node_is_refused",
-        "test_missing_room_stops_the_start",
         "test_plan_without_task_classes_asks_for_no_restart",
-        "test_preview_begins_with_losses",
         "test_profile_functions_change_nothing",
         "test_removal_refuses_machine_that_others_changed",
         "test_restarting_guest_is_waited_for_at_end",
-        "test_runs_of_computer_are_told_in_their_order",
         "test_second_dsc_set_looks_again",
         "test_second_run_is_unchanged_and_undo_restores",
         "test_second_run_tells_no_cluster",
         "test_stopped_replica_takes_no_room",
         "test_undo_leaves_no_partition_folder",
         "test_undo_works_on_host_that_can_promise_nothing",
-        "test_unwritable_verdict_does_not_fail_the_run",
-        "test_upgraded_host_finishes_run_as_begun",
         "test_value_in_another_case_is_same_value",
     }
 )
-"""Tests of the list that take long, or show no kind of run which others do not."""
+"""Tests of the list that show no kind of run which others do not."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

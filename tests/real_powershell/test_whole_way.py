@@ -93,7 +93,7 @@ WHO = {"powershell": ("pwsh.exe",), "rarms": ("python.exe",), "both": ("python.e
 
 
 @pytest.mark.parametrize("at", POINTS)
-@pytest.mark.parametrize("who", WHO if LONG else ["powershell"])
+@pytest.mark.parametrize("who", WHO if LONG else ["powershell", "rarms"])
 def test_next_command_goes_on_after_a_kill(cell: RarmsOnWindows, host: WindowsHost, who: str, at: int) -> None:
     killed = cell.watch(at, lambda: cell.kill(*WHO[who]))
 
